@@ -74,7 +74,7 @@ double conformal_95(const std::vector<MeasuredLength>& lengths, const std::vecto
     sum += weight;
     if (sum >= wanted) return error;
   }
-  return errors.back().first;  // too few to say more than that
+  return errors.back().first;  // too few for more
 }
 
 }  // namespace
@@ -112,7 +112,7 @@ Certificate certificate_of(const std::vector<MeasuredLength>& lengths, double tr
   std::vector<PartSum> cells(c.cells.size());
   PartSum slow, fast, all;
   std::vector<double> weights, stated;
-  double inside = 0, surprise = 0, judged = 0;
+  double inside = 0, mean_nes = 0, judged = 0;
   for (const MeasuredLength& length : lengths) {
     const double weight = 1.0 / of_measurement[length.measurement];
     weights.push_back(weight);
@@ -130,20 +130,20 @@ Certificate certificate_of(const std::vector<MeasuredLength>& lengths, double tr
     }
     cells[cell].add(length, weight);
     c.largest_m = std::max(c.largest_m, std::abs(length.error_m));
-    // The true length's own error is none of the positions'.
+    // Includes the reference length's own error.
     const double sigma = std::hypot(length.stated_sigma_m, true_length_sigma_m);
     stated.push_back(normal_95 * length.stated_sigma_m);
     if (!(sigma > 0)) continue;
     judged += weight;
     inside += std::abs(length.error_m) <= normal_95 * sigma ? weight : 0;
-    surprise += weight * std::pow(length.error_m / sigma, 2);
+    mean_nes += weight * std::pow(length.error_m / sigma, 2);
   }
   const Certificate::Part whole = all.part();
   c.mean_m = whole.mean_m, c.rms_m = whole.rms_m;
   c.expanded_m = std::hypot(conformal_95(lengths, weights, c.independent), normal_95 * true_length_sigma_m);
   c.stated_expanded_m = calib::median(std::move(stated));
   c.inside_stated = judged > 0 ? inside / judged : 0;
-  c.surprise = judged > 0 ? surprise / judged : 0;
+  c.mean_nes = judged > 0 ? mean_nes / judged : 0;
   for (std::size_t k = 0; k < direction_count; ++k) c.by_direction[k] = directions[k].part();
   for (std::size_t k = 0; k < cells.size(); ++k) c.cells[k] = cells[k].part();
   c.slow = slow.part(), c.fast = fast.part();

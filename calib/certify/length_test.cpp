@@ -9,16 +9,14 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-// A bar that moved or turned by so much since a measurement began is at another one. One that lies still is not,
-// however long it lies: all its lengths err alike.
+// Motion or rotation of a bar that begins a new measurement. A bar at rest is one measurement.
 constexpr double other_place_m = 0.15, other_direction_cos = 0.94;
 
-// Of a place's visit, a share of Rest::rest_s at either end; and fixes that tell a rest from a few that are left of it.
+// Cut off at either end of a rest; least number of positions of a rest.
 constexpr double rest_edge_s = Rest::rest_s / 5;
 constexpr std::size_t least_in_rest = 5;
 
-// How a position moves with the rig's parameters, times their standard deviations; all cameras whose image it is in
-// see it, and alike.
+// Derivative of a position by the rig's whitened parameters, with equal weights for all cameras that contain it.
 Eigen::MatrixXd by_rig(const calib::CameraRig& rig, const Vector3d& p) {
   std::vector<calib::PlaceView> views;
   for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
@@ -31,14 +29,14 @@ Eigen::MatrixXd by_rig(const calib::CameraRig& rig, const Vector3d& p) {
 double stated_sigma(const Vector3d& a, const Matrix3d& covariance_a, const Vector3d& b, const Matrix3d& covariance_b,
                     const calib::CameraRig& rig) {
   const Vector3d along = (b - a).normalized();
-  const double apart = along.dot((covariance_a + covariance_b) * along);  // if their errors had nothing in common
+  const double apart = along.dot((covariance_a + covariance_b) * along);  // for independent errors
   if (!rig.uncertainty || rig.uncertainty->size() == 0) return std::sqrt(std::max(0.0, apart));
   const Eigen::RowVectorXd ga = along.transpose() * by_rig(rig, a), gb = along.transpose() * by_rig(rig, b);
   const double by_frames = apart - ga.squaredNorm() - gb.squaredNorm();
   return std::sqrt(std::max({apart - 2 * ga.dot(gb), by_frames, 0.0}));
 }
 
-// Of a track: fixes from..to - 1.
+// Positions from..to - 1 of a track.
 struct Window {
   std::size_t from = 0, to = 0;
 };
@@ -55,17 +53,17 @@ double scatter_about(const BallTrack& track, const Window& window, const Vector3
   return std::sqrt(squares / static_cast<double>(window.to - window.from));
 }
 
-// From the middle of its first half to that of its second one.
+// By the displacement between the means of both halves.
 bool is_at_rest(const BallTrack& track, const Window& window) {
   const double span_s = track[window.to - 1].t_s - track[window.from].t_s;
   const std::size_t half = (window.from + window.to) / 2;
   if (window.to - window.from < least_in_rest || span_s > 2 * Rest::rest_s) return false;
-  const Vector3d way = mean_position(track, {half, window.to}) - mean_position(track, {window.from, half});
-  return way.norm() < Rest::rest_m_s * span_s / 2 &&
+  const Vector3d moved = mean_position(track, {half, window.to}) - mean_position(track, {window.from, half});
+  return moved.norm() < Rest::rest_m_s * span_s / 2 &&
          scatter_about(track, window, mean_position(track, window)) < Rest::rest_scatter_m;
 }
 
-// While it is put down and taken up it moves a little.
+// Without putting down and picking up.
 Window without_edges(const BallTrack& track, Window window) {
   const double from_s = track[window.from].t_s + rest_edge_s, to_s = track[window.to - 1].t_s - rest_edge_s;
   while (track[window.from].t_s < from_s) ++window.from;
@@ -86,7 +84,7 @@ Rest rest_in(const BallTrack& track, const Window& window) {
 
 std::vector<Rest> rests_of(const BallTrack& track) {
   std::vector<Rest> rests;
-  Window resting{};  // all windows so far that overlap and rest
+  Window resting{};  // union of overlapping windows at rest
   const auto end = [&] {
     if (resting.to > resting.from) rests.push_back(rest_in(track, without_edges(track, resting)));
     resting = {};

@@ -10,7 +10,7 @@
 namespace huetrack::certify {
 namespace {
 
-// Two objects that were not there together for so long may be others than before.
+// Gap after which two objects may be others than before.
 constexpr double same_pair_s = 1;
 
 struct ObjectFix {
@@ -52,7 +52,7 @@ double median_error(std::span<const MeasuredLength> measurement) {
   return calib::median(std::move(errors));
 }
 
-// Those that follow one another without a break are one.
+// Adjacent periods are merged.
 void note_other(std::span<const MeasuredLength> measurement, double distance_m, OneColorBar& out) {
   if (out.others.empty() || measurement.front().t_s - out.others.back().to_s > same_pair_s)
     out.others.push_back({.from_s = measurement.front().t_s, .least_m = distance_m, .most_m = distance_m});
@@ -63,9 +63,9 @@ void note_other(std::span<const MeasuredLength> measurement, double distance_m, 
   other.sets += measurement.size();
 }
 
-// Lengths between the same two objects, one after the other. Whether these are the bar's is judged measurement by
-// measurement, by the median: an object may become another one without an end. Where most of a run are not, none is:
-// what is no ball of the bar may be as far off as one for a moment.
+// A run: consecutive lengths between the same two objects, judged by the median of each measurement, since an object may
+// become another one without its track ending. If most measurements of a run do not match, none is used: a foreign object
+// may be at the right distance for a moment.
 void judge_run(std::span<MeasuredLength> run, double length_m, int& next_measurement, OneColorBar& out) {
   next_measurement = number_measurements(run, next_measurement);
   std::vector<std::span<const MeasuredLength>> measurements;

@@ -1,7 +1,6 @@
-// A bar with two balls of one colour: which two of the objects that were tracked are its ends, moment by moment.
-// Objects of a colour are told apart by their motion alone (service/object_tracking, trackers/many_tracker.h). A length
-// is the same from either end, so that two objects that are taken for one another do no harm; a third object that is
-// taken for an end does. Pure; nothing throws.
+// Bar with two balls of one colour: associates tracked objects with its ends. Objects of one colour are distinguished by
+// their motion only (service/object_tracking/trackers). Exchanged ends do no harm; a third object in place of an end
+// does. Pure; nothing throws.
 #pragma once
 
 #include <cstdint>
@@ -14,8 +13,8 @@
 namespace huetrack::certify {
 
 struct OneColorBar {
-  // What two objects were apart while it was not the bar's length: one of them is none of its balls, or the rig is far
-  // off. An error is counted as one up to a fifth of the length.
+  // A period in which the distance of two objects was not the bar's length, by more than other_share of it: one of them
+  // is no ball of the bar, or the rig is wrong.
   struct Other {
     double from_s = 0, to_s = 0;
     double least_m = 0, most_m = 0;
@@ -23,14 +22,14 @@ struct OneColorBar {
   };
   static constexpr double other_share = 0.2;
 
-  std::vector<MeasuredLength> lengths;  // of sets in which two objects were tracked, and these are the bar's
-  // Frame sets in which anything was tracked and that give no length, by why.
-  std::size_t only_one = 0;    // one object alone was tracked: a ball is hidden, or both lie within one another
-  std::size_t with_third = 0;  // there was a third object
+  std::vector<MeasuredLength> lengths;  // of frame sets in which exactly the bar's two objects were tracked
+  // Frame sets with tracked objects but without a length, by cause.
+  std::size_t only_one = 0;    // one object: a ball is hidden, or both overlap
+  std::size_t with_third = 0;  // three or more
   std::vector<Other> others;   // ascending
 };
 
-// objects: each one's track. sets_with_third: in which one object more than two was seen; its own track is not known.
+// objects: their tracks. sets_with_third: frame sets with a third object whose track is not known.
 OneColorBar one_color_bar(std::span<const BallTrack> objects, const std::set<std::uint64_t>& sets_with_third,
                           double length_m, const calib::CameraRig& rig);
 

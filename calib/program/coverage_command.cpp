@@ -86,7 +86,7 @@ ExitStatus cover_wave(const CoverageOptions& o, const std::stop_token& stop) {
         for (const auto& target : in.targets) finders.push_back(std::make_unique<wave::BallFinder>(in.rig, target));
         while (const auto frame = source.next(stop)) {
           for (std::size_t ball = 0; ball < finders.size(); ++ball) {
-            const auto found = finders[ball]->look(*frame);
+            const auto found = finders[ball]->detect(*frame);
             if (!found) continue;
             const std::lock_guard lock(mutex);
             coverage.add(*found, ball);

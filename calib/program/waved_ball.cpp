@@ -33,7 +33,7 @@ class Finder {
       finders_.push_back(std::make_unique<wave::BallFinder>(in.rig, target));
   }
   std::optional<wave::BallFrame> look(std::size_t ball, const capture::Frame& frame) {
-    return finders_[ball]->look(frame);
+    return finders_[ball]->detect(frame);
   }
   std::size_t unusable_frames() const { return finders_.front()->unusable_frames(); }
 
@@ -74,7 +74,7 @@ BallsFrames frames_of_recording(const WavedOptions& o, const WavedInput& in, con
       progress.show("looking for the ball", done,
                     expected ? std::optional<int>(static_cast<int>(*expected)) : std::nullopt, coverage.text());
   }
-  for (auto& of_ball : frames) wave::sharpen(of_ball, background, in.rig, progress.progress());
+  for (auto& of_ball : frames) wave::refine_outlines(of_ball, background, in.rig, progress.progress());
   progress.clear();
   if (stop.stop_requested()) throw gather::InputError("stopped");
   for (const auto& warning : source.take_warnings()) std::printf("note: %s\n", warning.c_str());
@@ -111,7 +111,7 @@ BallsFrames frames_of_cameras(const WavedOptions& o, const WavedInput& in, const
           }
         }
         for (std::size_t ball = 0; ball < seen.size(); ++ball) {
-          wave::sharpen(seen[ball], background, in.rig);
+          wave::refine_outlines(seen[ball], background, in.rig);
           const std::lock_guard lock(mutex);
           std::ranges::move(seen[ball], std::back_inserter(frames[ball]));
         }

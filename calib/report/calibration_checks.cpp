@@ -30,7 +30,7 @@ constexpr Limits volume_share{0.01, 0.05};     // 95 % of the volume / distance 
 constexpr double little_volume_share = 0.002;  // from here on, where it outweighs the noise of what will be tracked
 constexpr Limits dropped_share{0.2, 0.6};      // views
 constexpr Limits behind_share{0.02, 0.5};      // views that show the board's back
-constexpr Limits out_of_step{1.6, never};      // noise of all together / of each alone
+constexpr Limits not_synchronised{1.6, never};      // noise of all together / of each alone
 constexpr Limits fast_share{2, never};         // rms of views that move fast / of slow ones
 constexpr double latest_s = 0.1;               // that a camera stamps later than another: beyond, it is frames behind
 // Of a pixel's ray, where boards were, of the image's width: 0.3 px of 640.
@@ -185,7 +185,7 @@ class Judge {
       add(Verdict::doubtful, "stand of " + name,
           fmt::format("{} moved while it was recorded: by {:.1f} mm and {:.2f} degrees, before {}{}", name,
                       1000 * moved.moved_m, moved.turned_rad * 180 / std::numbers::pi, moved.image,
-                      moved.or_another ? " (or the other camera did: two cannot tell)" : ""),
+                      moved.is_either_of_two ? " (or the other camera did: two cannot tell)" : ""),
           "fasten it, and record anew; or leave out what was recorded before that moment");
     }
     for (const solver::HalvesCheck& half : result.halves) {
@@ -221,8 +221,8 @@ class Judge {
             "find the lens by itself (intrinsics), with the board all over its image; --refine-lens no keeps the one "
             "that is given");
       }
-      if (c < result.borne_out.size() && result.borne_out[c]) {
-        const solver::LensBorneOut& lens = *result.borne_out[c];
+      if (c < result.given_lens_checks.size() && result.given_lens_checks[c]) {
+        const solver::GivenLensCheck& lens = *result.given_lens_checks[c];
         const bool contradicted =
             ray_share.judge(lens.off_px / report_.cameras[c].image_size.width) > Verdict::usable &&
             lens.off_px > contradicted_sigmas * lens.sigma_px;
@@ -248,7 +248,7 @@ class Judge {
   // A lens that was given, and stays: how well these views tell it is no question.
   bool is_believed(std::size_t c) const {
     const solver::Extrinsics* result = evidence_.extrinsics;
-    return result != nullptr && c < result->borne_out.size() && result->borne_out[c].has_value();
+    return result != nullptr && c < result->given_lens_checks.size() && result->given_lens_checks[c].has_value();
   }
 
   void lens(const CameraReport& camera, bool covers, bool believed) {
@@ -372,7 +372,7 @@ class Judge {
       const CameraReport& worst = *std::ranges::max_element(report_.cameras, {}, &CameraReport::rms_px);
       // A camera that moved explains it.
       const bool explained = evidence_.extrinsics != nullptr && evidence_.extrinsics->moved_within.has_value();
-      add(explained ? Verdict::usable : out_of_step.judge(ratio), "agreement between the cameras",
+      add(explained ? Verdict::usable : not_synchronised.judge(ratio), "agreement between the cameras",
           fmt::format("corners scatter by {:.2f} px for all cameras together, by {:.2f} px for each camera alone, most "
                       "in {}",
                       report_.noise_px, evidence_.alone_px, worst.name),

@@ -80,16 +80,16 @@ std::string honesty_text(const Certificate& c) {
       "The positions' own covariances state {} mm for a length (95 %); of the errors {:.0f} % lie within what was "
       "stated "
       "for them (95 % would be right), and their squares are {:.2f} times what was stated.",
-      in_mm(c.stated_expanded_m), 100 * c.inside_stated, c.surprise);
-  if (c.surprise > honest_surprise)
+      in_mm(c.stated_expanded_m), 100 * c.inside_stated, c.mean_nes);
+  if (c.mean_nes > honest_surprise)
     out +=
         " They are too sure: the rig does not fit any more, or was calibrated worse than it says, or the cameras' "
         "times are wrong. huetrack-calibrate check tells the first.";
-  else if (c.surprise > small_surprise)
+  else if (c.mean_nes > small_surprise)
     out +=
-        fmt::format(" They are somewhat too sure: errors are {:.1f} times as large as stated.", std::sqrt(c.surprise));
-  else if (c.surprise < cautious_surprise)
-    out += fmt::format(" They are cautious: errors are {:.2f} times as large as stated.", std::sqrt(c.surprise));
+        fmt::format(" They are somewhat too sure: errors are {:.1f} times as large as stated.", std::sqrt(c.mean_nes));
+  else if (c.mean_nes < cautious_surprise)
+    out += fmt::format(" They are cautious: errors are {:.2f} times as large as stated.", std::sqrt(c.mean_nes));
   else
     out += " That is honest.";
   return out;

@@ -39,9 +39,9 @@ Check mirrored_check(const solver::RigCheck& check, const calib::CameraRig& rig)
 // Who it was that moved, as far as the views tell.
 std::string who(const solver::RigCheck& check, const calib::CameraRig& rig, const solver::MovedCamera& moved) {
   const std::string& name = name_in(rig, moved.camera);
-  if (check.or_else.empty() || &moved != &check.moved.front()) return name;
+  if (check.alternatives.empty() || &moved != &check.moved.front()) return name;
   std::vector<std::string> others;
-  for (const int other : check.or_else) others.push_back(name_in(rig, other));
+  for (const int other : check.alternatives) others.push_back(name_in(rig, other));
   return fmt::format("{} or {} (these views do not tell which; as if it were {})", name,
                      fmt::to_string(fmt::join(others, " or ")), name);
 }

@@ -24,7 +24,7 @@ std::string found_here(const solver::Extrinsics& result) {
 // What is believed of lenses whose files do not say how well they are known; empty: none is.
 std::string believed_text(const solver::Extrinsics& result) {
   const bool any = std::ranges::any_of(
-      result.borne_out, [](const std::optional<solver::LensBorneOut>& lens) { return lens && !lens->has_covariance; });
+      result.given_lens_checks, [](const std::optional<solver::GivenLensCheck>& lens) { return lens && !lens->has_covariance; });
   if (!any) return "";
   return fmt::format(
       "; how well they are known their files do not say: what is stated allows for what usual webcams' are wrong by "
@@ -75,7 +75,7 @@ std::string refinement_text(const solver::Extrinsics& result) {
           "the lenses that were given were refined: as they were, the cameras agree less well with one another "
           "({:.2f} px) than now ({:.2f} px)",
           result.held_px, result.adjustment.noise_px);
-    case solver::LensRefinement::out_of_step:
+    case solver::LensRefinement::not_synchronised:
       return fmt::format(
           "{}, and stay as each camera's own views say ({:.2f} px), because the cameras agree less well with one "
           "another ({:.2f} px): they are not quite in step",

@@ -74,12 +74,12 @@ void doubt_scale(WaveReport& report, const WaveResult& result) {
 void doubt_measured(WaveReport& report, const WaveResult& result) {
   constexpr double least_off = 0.05, sigmas = 3;
   const WaveScale& scale = result.scale;
-  if (std::abs(scale.of_rigs - 1) <= std::max(least_off, sigmas * std::hypot(scale.rigs_sigma, scale.sigma))) return;
+  if (std::abs(scale.over_rig - 1) <= std::max(least_off, sigmas * std::hypot(scale.rig_sigma, scale.sigma))) return;
   report.doubts.push_back(fmt::format(
       "{} makes all {:.2f} times as large as the rig had it, whose own poses say how large all is to {:.1f} %, and the "
       "ball {:.2f} times as large as its radius says: was it measured from lens to lens, in metres? If the rig's scale "
       "was only a guess, this one is right: accept it",
-      report.scale_from, scale.of_rigs, 1e2 * scale.rigs_sigma, result.size_ratio));
+      report.scale_from, scale.over_rig, 1e2 * scale.rig_sigma, result.size_ratio));
 }
 
 void doubt_camera(WaveReport& report, const WaveResult& result, const WaveCamera& camera, const std::string& name) {
@@ -89,7 +89,7 @@ void doubt_camera(WaveReport& report, const WaveResult& result, const WaveCamera
                     "of that colour, wrong times, or the wrong lens",
                     name, camera.used, camera.seen));
   }
-  if (result.had_poses && (camera.moved_m > far_from_rig * result.away_m || camera.turned_rad > far_turned_rad)) {
+  if (result.had_poses && (camera.moved_m > far_from_rig * result.camera_distance_m || camera.turned_rad > far_turned_rad)) {
     report.doubts.push_back(fmt::format(
         "{} is {:.2f} m and {:.0f} degrees from where the rig had it: are the cameras' names swapped, or is "
         "it the wrong rig?",
@@ -149,11 +149,11 @@ void doubt_positions(WaveReport& report, const WaveResult& result) {
                     result.rms_px));
   }
   const double expected_m = result.expected_in_volume_m.value_or(result.expected_m);
-  if (expected_m > large_error * result.away_m) {
+  if (expected_m > large_error * result.camera_distance_m) {
     report.doubts.push_back(fmt::format(
         "positions would be off by {:.0f} mm: wave for longer, and through more of the volume", 1e3 * expected_m));
   }
-  if (result.halves_m > large_difference * result.away_m &&
+  if (result.halves_m > large_difference * result.camera_distance_m &&
       result.halves_m > unexpected_difference * result.halves_sigma_m) {
     report.doubts.push_back(
         fmt::format("the two halves of the recording disagree by {:.0f} mm: did a camera move meanwhile? Otherwise "
@@ -165,7 +165,7 @@ void doubt_positions(WaveReport& report, const WaveResult& result) {
 std::vector<std::string> notes_on(const WaveResult& result) {
   std::vector<std::string> notes;
   for (std::size_t c = 0; c < result.cameras.size(); ++c) {
-    if (result.cameras[c].has_still_things)
+    if (result.cameras[c].has_static_clutter)
       notes.push_back(result.rig.cameras[c].name +
                       ": something of the target's colour stands still in its view; it is left out");
     if (const double share = result.cameras[c].repeated; share > some_repeated && share <= many_repeated)
@@ -175,8 +175,8 @@ std::vector<std::string> notes_on(const WaveResult& result) {
   notes.push_back(
       result.rig.cameras[0].name +
       "'s latency stays as it was: a shift of all times cannot be seen, and the others' are told against it");
-  if (result.marks_off_m) {
-    notes.push_back(fmt::format("the marked points fit to {:.1f} mm", 1e3 * *result.marks_off_m));
+  if (result.marks_error_m) {
+    notes.push_back(fmt::format("the marked points fit to {:.1f} mm", 1e3 * *result.marks_error_m));
   } else if (!result.had_poses) {
     notes.push_back("the world's origin is " + result.rig.cameras[0].name +
                     ", with z up in its image; set it with huetrack-calibrate world");
@@ -223,9 +223,9 @@ WaveReport report_on(const WaveResult& result) {
   WaveReport report;
   if (!result.held_poses) report.scale_from = scale_text(result);
   report.notes = notes_on(result);
-  if (result.marks_off_m && *result.marks_off_m > far_mark_m) {
+  if (result.marks_error_m && *result.marks_error_m > far_mark_m) {
     report.doubts.push_back(fmt::format("a marked point is off by {:.0f} mm: measure them again, and check the times",
-                                        1e3 * *result.marks_off_m));
+                                        1e3 * *result.marks_error_m));
   }
   if (!result.held_poses) {
     if (result.is_in_a_plane()) report.doubts.push_back(told({wave::motion_in_a_plane(result.extent_m)}));
@@ -236,7 +236,7 @@ WaveReport report_on(const WaveResult& result) {
     doubt_camera(report, result, result.cameras[c], result.rig.cameras[c].name);
   doubt_times(report, result);
   doubt_positions(report, result);
-  if (result.poses_refused)
+  if (result.rejected_rig_poses)
     report.doubts.emplace_back("the rig's poses were no use as a start: check that its cameras' names are not swapped");
   report.verdict = report.doubts.empty() ? Verdict::usable : Verdict::doubtful;
   return report;

@@ -14,28 +14,28 @@ using Eigen::MatrixXd;
 using Eigen::Vector2d;
 using Eigen::VectorXd;
 
-// Pixels of today's cameras are square. A lens by itself that comes out otherwise tells how wrong it is, in a way that
-// its residuals cannot (few views, a board that is not flat, a rolling shutter): it is widened until square pixels are
-// one standard deviation away. free: which parameters the rows of the covariance are.
+// Cameras have square pixels. A single lens with fx != fy shows a systematic error (few views, bent board, rolling
+// shutter): its covariance is widened until square pixels are one standard deviation away. free: parameters of the
+// rows.
 void widen_where_pixels_are_not_square(const Adjustment& a, const std::vector<int>& free, MatrixXd& covariance) {
-  // In a joint adjustment it is not known what else such a lens has bent.
+  // In a joint adjustment, poses may have absorbed it.
   if (a.cameras.size() != 1 || !a.cameras.front().lens_is_free || free.size() < 2 || free[0] != 0 || free[1] != 1)
     return;
   const double fx = a.cameras.front().parameters(0), fy = a.cameras.front().parameters(1);
   const double off = std::abs(fx / fy - 1);
   const double sigma = std::sqrt(
       std::max(0.0, covariance(0, 0) / (fx * fx) + covariance(1, 1) / (fy * fy) - 2 * covariance(0, 1) / (fx * fy)));
-  constexpr double least = 0.01;  // some cameras' are a little off in truth
+  constexpr double least = 0.01;  // relative; true deviation of some cameras
   if (off < least || off < sigma || sigma <= 0) return;
   covariance *= off / sigma * off / sigma;
 }
 
-// Where the parameters are in the covariance.
+// Layout of the covariance.
 struct ParameterLayout {
   int size = 0;         // of all
-  int camera_size = 0;  // of the cameras', which come first
+  int camera_size = 0;  // of the cameras, first
   int warp_offset = -1;
-  std::vector<int> free, held;  // parameters that were adjusted; and those that were not, though they are not exact
+  std::vector<int> free, held;  // estimated; held but not exact
 };
 
 // Sets lens_offset, pose_offset and time_offset, too.
@@ -75,19 +75,19 @@ ParameterLayout lay_out(Adjustment& a) {
   return layout;
 }
 
-// view_in_set: which one of its set's.
+// view_in_set: index of a view in its set.
 void add_view(const Adjustment& a, std::size_t v, int view_in_set, const BoardShape& shape,
               const ParameterLayout& layout, SetEquations& set) {
   const BoardView& view = a.views[v];
   const std::size_t c = index(view.camera);
   const AdjustedCamera& camera = a.cameras[c];
   const bool moves = a.moves(view.set), is_laid_out = layout.size > 0;
-  const int lens_size = is_laid_out && a.lens_offset[c] >= 0 ? parameter_count(camera.lens) : 0;  // held ones too
+  const int lens_size = is_laid_out && a.lens_offset[c] >= 0 ? parameter_count(camera.lens) : 0;  // held ones, too
   const int pose_size = is_laid_out && a.pose_offset[c] >= 0 ? 6 : 0;
   const int time_size = is_laid_out && moves && a.time_offset[c] >= 0 ? 2 : 0;
   const int warp_size = layout.warp_offset >= 0 ? 3 : 0;
   const int local = lens_size + pose_size + time_size + warp_size, own = static_cast<int>(set.by_own.rows());
-  std::vector<int> at;  // where the local parameters are in the global ones
+  std::vector<int> at;  // local to global index
   for (int i = 0; i < lens_size; ++i) at.push_back(a.lens_offset[c] + i);
   for (int i = 0; i < pose_size; ++i) at.push_back(a.pose_offset[c] + i);
   for (int i = 0; i < time_size; ++i) at.push_back(a.time_offset[c] + i);
@@ -101,7 +101,7 @@ void add_view(const Adjustment& a, std::size_t v, int view_in_set, const BoardSh
     CornerDerivatives d;
     if (!corner_residual(a, shape, v, k, r, &d)) continue;
     set.residuals += 2;
-    const double weight = 1 / camera.relative_noise;  // of a residual: all noises are one then
+    const double weight = 1 / camera.relative_noise;  // equal noise for all
     if (lens_size > 0) j.leftCols(lens_size) = d.by_lens.leftCols(lens_size);
     if (pose_size > 0) j.middleCols(lens_size, 6) = d.by_camera;
     if (time_size > 0) {
@@ -137,7 +137,7 @@ SetEquations set_equations(const Adjustment& a, const BoardShape& shape, const P
   SetEquations set(layout.size, a.moves(number) ? own_stamps_at + views : own_course_at);
   for (std::size_t v = first; v < last; ++v) add_view(a, v, static_cast<int>(v - first), shape, layout, set);
   if (!a.moves(number) || set.residuals == 0) return set;
-  // What is known beforehand, in pixels.
+  // Priors, in pixels.
   const BoardMotion& motion = a.motions[index(number)];
   const auto add_prior = [&](const std::vector<int>& at, const MatrixXd& j, const VectorXd& off,
                              const MatrixXd& information) {
@@ -160,7 +160,7 @@ SetEquations set_equations(const Adjustment& a, const BoardShape& shape, const P
   return set;
 }
 
-// The normal equations of all views, with what is the sets' own eliminated.
+// Normal equations of all views, with the sets' own parameters eliminated.
 struct NormalEquations {
   struct OfSet {
     int set = 0;
@@ -169,7 +169,7 @@ struct NormalEquations {
   };
   std::vector<OfSet> of_sets;
   MatrixXd information;  // of all
-  double cost = 0;       // the residuals' squares
+  double cost = 0;       // sum of squares
   int residuals = 0, own = 0;
 };
 
@@ -193,9 +193,9 @@ NormalEquations normal_equations(const Adjustment& a, const BoardShape& shape, c
   }
   for (std::size_t c = 0; c < a.cameras.size(); ++c) {
     if (a.lens_offset[c] < 0 || !a.cameras[c].lens_is_free) continue;
-    for (const LensBelief& belief : lens_beliefs(a.cameras[c])) {
+    for (const LensRegularizer& belief : lens_regularizers(a.cameras[c])) {
       const int at = a.lens_offset[c] + belief.parameter;
-      const double weight = belief_px / belief.sigma, off = weight * a.cameras[c].parameters(belief.parameter);
+      const double weight = regularizer_px / belief.sigma, off = weight * a.cameras[c].parameters(belief.parameter);
       equations.information(at, at) += weight * weight;
       equations.cost += off * off;
       ++equations.residuals;
@@ -227,7 +227,7 @@ NormalEquations normal_equations(const Adjustment& a, const BoardShape& shape, c
   return equations;
 }
 
-// Directions without information get a huge variance rather than a wrong one. scale: see find_covariance().
+// Unobservable directions get a huge variance. scale: see find_covariance().
 MatrixXd inverse_of(const MatrixXd& information, const VectorXd& scale) {
   const MatrixXd scaled = scale.asDiagonal() * information * scale.asDiagonal();
   const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(scaled);
@@ -236,13 +236,13 @@ MatrixXd inverse_of(const MatrixXd& information, const VectorXd& scale) {
          scale.asDiagonal();
 }
 
-// Of a board that moves sets close upon one another say how each other's boards move, so that they err together: such
-// pieces count as one.
+// Sets of a moving board that are close in time share its motion prior: their errors are correlated, and they count as
+// one piece.
 std::vector<NormalEquations::OfSet> pieces_of(const Adjustment& a, const NormalEquations& equations) {
-  constexpr int most_sets = 4;  // so that a long course without a gap is still many pieces
+  constexpr int most_sets = 4;  // splits long runs without a gap
   std::vector<NormalEquations::OfSet> pieces;
   const BoardMotion* before = nullptr;
-  int sets = 0;  // of the last piece
+  int sets = 0;  // in the last piece
   for (const NormalEquations::OfSet& of_set : equations.of_sets) {
     const BoardMotion* motion = a.moves(of_set.set) ? &a.motions[index(of_set.set)] : nullptr;
     const bool goes_on = before && motion && std::abs(motion->at_s - before->at_s) < longest_gap_s;
@@ -259,8 +259,7 @@ std::vector<NormalEquations::OfSet> pieces_of(const Adjustment& a, const NormalE
   return pieces;
 }
 
-// How leaving out one piece after another moves the parameters (jackknife), a column each, so that the sum of a row's
-// squares is the parameter's variance.
+// Jackknife over pieces: one column each; the sum of squares of a row is the parameter's variance.
 MatrixXd jackknife_moves(const std::vector<NormalEquations::OfSet>& pieces, const MatrixXd& information,
                          const VectorXd& scale, const std::vector<int>& free) {
   const auto count = static_cast<double>(pieces.size());
@@ -276,14 +275,14 @@ MatrixXd jackknife_moves(const std::vector<NormalEquations::OfSet>& pieces, cons
   return moves;
 }
 
-// The scatter between pieces is larger than by the noise where the corners of one moment err together, as with blur, a
-// bent board, stamps, or cameras out of step. It widens the bounds but never narrows them: few sets tell little.
+// Errors that are correlated within a moment (blur, bent board, stamps, synchronisation) make the scatter between
+// pieces larger than the noise predicts. Widens bounds, never narrows them.
 MatrixXd widened(const MatrixXd& covariance, const MatrixXd& moves) {
   const VectorXd widen = (moves.rowwise().squaredNorm().array() / covariance.diagonal().array()).cwiseMax(1).sqrt();
   return widen.asDiagonal() * covariance * widen.asDiagonal();
 }
 
-// An error of what was held moves what was adjusted. covariance: of the free ones, to which that is added.
+// Adds the effect of held but inexact parameters to the covariance of the free ones.
 void add_held(const Adjustment& a, const ParameterLayout& layout, const MatrixXd& information,
               const MatrixXd& inverse_of_free, MatrixXd& covariance) {
   const auto &free = layout.free, &held = layout.held;

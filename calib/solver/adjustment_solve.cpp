@@ -15,8 +15,7 @@ namespace {
 
 using calib::index;
 
-// Ceres tells of every step that it has to take back; the outcome is looked at here anyway. Once for all: adjustments
-// may run on several threads.
+// Silences Ceres' log of rejected steps, once per process: adjustments run on several threads.
 void silence_ceres() {
   static const bool done = [] {
     FLAGS_minloglevel = google::GLOG_FATAL;
@@ -25,8 +24,8 @@ void silence_ceres() {
   static_cast<void>(done);
 }
 
-// What Ceres moves. It orders parameter blocks by their addresses, and the order decides the last digits: so all of the
-// cameras' lie in one piece of memory, and all of the boards' in another.
+// Parameter blocks. Ceres orders them by address, and the order decides the last digits: all cameras lie in one array,
+// all boards in another.
 class ParameterBlocks {
  public:
   explicit ParameterBlocks(const Adjustment& a)
@@ -91,20 +90,20 @@ class ParameterBlocks {
     std::array<double, pose_block_size> pose;
     std::array<double, 2> times;
   };
-  std::vector<CameraBlocks> cameras_;  // the last one's lens block holds the warp
+  std::vector<CameraBlocks> cameras_;  // the last lens block holds the warp
   std::vector<double> boards_;
   std::vector<std::size_t> board_at_;  // in boards_, per set
-  std::vector<int> view_in_set_;       // per view: which one of its set's
-  std::vector<int> views_of_;          // per set
+  std::vector<int> view_in_set_;       // per view: index in its set
+  std::vector<int> views_of_;          // views per set
 };
 
-// Which cameras and sets some corner speaks for.
+// Cameras and sets with a used corner.
 struct UsedBlocks {
   std::vector<bool> cameras, boards;
-  std::vector<bool> timed;  // cameras that see a board that moves
+  std::vector<bool> timed;  // cameras that see a moving board
 };
 
-// nullptr: plain squares. The problem takes it over.
+// nullptr: squares. Ownership passes to the problem.
 ceres::LossFunction* loss_of(const AdjustedCamera& camera, double robust_px) {
   ceres::LossFunction* loss = robust_px > 0 ? new ceres::CauchyLoss(robust_px * camera.relative_noise) : nullptr;
   const double weight = 1 / (camera.relative_noise * camera.relative_noise);
@@ -116,7 +115,7 @@ UsedBlocks add_corners(ceres::Problem& problem, const Adjustment& a, const Board
                        double robust_px) {
   UsedBlocks used{std::vector<bool>(a.cameras.size()), std::vector<bool>(a.world_from_board.size()),
                   std::vector<bool>(a.cameras.size())};
-  // One loss for all corners of a camera: it has no state.
+  // Shared by all corners of a camera.
   std::vector<ceres::LossFunction*> losses;
   for (const AdjustedCamera& camera : a.cameras) losses.push_back(loss_of(camera, robust_px));
   for (std::size_t v = 0; v < a.views.size(); ++v) {
@@ -139,14 +138,14 @@ UsedBlocks add_corners(ceres::Problem& problem, const Adjustment& a, const Board
       used.cameras[c] = used.boards[s] = true;
     }
   }
-  // The problem owns the losses of its residuals only.
+  // The problem owns only losses that are used.
   for (std::size_t c = 0; c < losses.size(); ++c) {
     if (!used.cameras[c]) delete losses[c];
   }
   return used;
 }
 
-// Which of a lens's parameters may move, and that it may not fold where that is asked for.
+// Free parameters of a lens, and its fold penalty.
 void free_lens(ceres::Problem& problem, const AdjustedCamera& camera, double noise_px, double* lens) {
   if (!camera.lens_is_free) {
     problem.SetParameterBlockConstant(lens);
@@ -155,16 +154,16 @@ void free_lens(ceres::Problem& problem, const AdjustedCamera& camera, double noi
   std::vector<int> fixed;
   for (int i = parameter_count(camera.lens); i < 12; ++i) fixed.push_back(i);
   if (!fixed.empty()) problem.SetManifold(lens, new ceres::SubsetManifold(12, fixed));
-  for (const LensBelief& belief : lens_beliefs(camera))
-    problem.AddResidualBlock(prior_cost(12, belief.parameter, {0.0}, {belief_px / belief.sigma}).release(), nullptr,
-                             lens);
+  for (const LensRegularizer& belief : lens_regularizers(camera))
+    problem.AddResidualBlock(prior_cost(12, belief.parameter, {0.0}, {regularizer_px / belief.sigma}).release(),
+                             nullptr, lens);
   if (camera.lens_prior)
     problem.AddResidualBlock(lens_prior_cost(*camera.lens_prior, noise_px).release(), nullptr, lens);
   if (camera.unfold > 0)
     problem.AddResidualBlock(lens_shape_cost(camera.lens, reach_of(camera), camera.unfold).release(), nullptr, lens);
 }
 
-// Which of a camera's times may move, and what is known of them.
+// Free times of a camera, and their priors.
 void free_times(ceres::Problem& problem, const AdjustedCamera& camera, double noise_px, double* times) {
   const std::array<const AdjustedTime*, 2> both{&camera.latency, &camera.readout};
   std::vector<int> fixed;
@@ -184,7 +183,7 @@ void free_times(ceres::Problem& problem, const AdjustedCamera& camera, double no
   }
 }
 
-// What is known of how a board moves, and of its stamps.
+// Priors of a board's motion and of stamp errors.
 void add_motion(ceres::Problem& problem, const Adjustment& a, std::size_t set, const ParameterBlocks& blocks,
                 double* board) {
   const int views = blocks.views_of(set), size = stamps_at + views;
@@ -205,7 +204,7 @@ void solve(Adjustment& a, const BoardShape& shape, const SolveOptions& given) {
   const UsedBlocks used = add_corners(problem, a, shape, blocks, given.robust_px);
   if (problem.NumResidualBlocks() == 0) throw CalibrationError("no view of the board is left to calibrate with");
 
-  auto* ordering = new ceres::ParameterBlockOrdering;  // the boards' poses are eliminated first
+  auto* ordering = new ceres::ParameterBlockOrdering;  // eliminates board poses first
   for (std::size_t s = 0; s < used.boards.size(); ++s) {
     if (!used.boards[s]) continue;
     const bool moves = a.moves(static_cast<int>(s));
@@ -229,11 +228,11 @@ void solve(Adjustment& a, const BoardShape& shape, const SolveOptions& given) {
   ordering->AddElementToGroup(blocks.warp(), 1);
 
   ceres::Solver::Options options;
-  options.num_threads = 1;  // the order of a sum decides its last digits
+  options.num_threads = 1;  // deterministic
   options.linear_solver_type = ceres::DENSE_SCHUR;
   options.linear_solver_ordering.reset(ordering);
   options.max_num_iterations = given.max_iterations;
-  // From Ceres' own first radius, 1e4, it takes ten steps to go as far as the views leave open.
+  // Ceres' initial radius, 1e4, needs ten steps along weakly determined directions.
   constexpr double whole_steps = 1e9;
   if (given.is_near) options.initial_trust_region_radius = whole_steps;
   options.function_tolerance = given.tolerance;
@@ -243,7 +242,7 @@ void solve(Adjustment& a, const BoardShape& shape, const SolveOptions& given) {
   silence_ceres();
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);
-  // Ceres' own words would tell nobody what is wrong.
+  // Ceres' own message does not help a user.
   if (!summary.IsSolutionUsable())
     throw CalibrationError("the views do not determine what is asked of them (the adjustment does not converge)",
                            Fault::undetermined);

@@ -1,4 +1,4 @@
-// The steps that adjust() is made of. Private to this module.
+// Steps of adjust(). Private to this module.
 #pragma once
 
 #include <Eigen/Core>
@@ -8,46 +8,44 @@
 
 namespace huetrack::solver {
 
-// How far a lens has to reach for its image's corners; a bit further than it does, when it folds before. Pinhole:
-// radius on the plane z = 1; fisheye: angle; stereographic: radius on that projection.
+// Largest radius that the image's corners need; if the lens folds before, slightly beyond the fold. Pinhole: radius on
+// the plane z = 1; fisheye: angle; stereographic: radius on that projection.
 double reach_of(const AdjustedCamera& camera);
 
-// What every lens is believed to be, before any view: coefficients that views do not determine would otherwise cancel
-// one another, here or where no board was. Small enough to be outweighed by a few dozen corners.
-struct LensBelief {
+// Zero-mean prior on a lens coefficient, so that coefficients that the views do not determine do not cancel one
+// another. A few dozen corners outweigh it.
+struct LensRegularizer {
   int parameter = 0;
   double sigma = 1;  // about 0
 };
-std::vector<LensBelief> lens_beliefs(const AdjustedCamera& camera);
-// A standard deviation of a belief weighs as much as that error of one corner, per axis.
-inline constexpr double belief_px = 0.1;
+std::vector<LensRegularizer> lens_regularizers(const AdjustedCamera& camera);
+// Residual of one standard deviation, as of one corner's error per axis.
+inline constexpr double regularizer_px = 0.1;
 
-// Where a rational lens's denominator is smaller it hides a pole behind a zero of the numerator.
+// A rational lens with a smaller denominator hides a pole behind a zero of the numerator.
 inline constexpr double least_denominator = 0.2;
 
 struct SolveOptions {
-  double robust_px = 0;  // of Cauchy's loss; 0: plain squares
+  double robust_px = 0;  // scale of Cauchy's loss; 0: squares
   int max_iterations = 100;
-  // It starts near the solution: steps are taken whole at once, also along what the views hardly determine.
+  // Near the solution: full steps at once, also along weakly determined directions.
   bool is_near = false;
-  double tolerance = 1e-10;  // it ends when a step changes the cost by a smaller share
+  double tolerance = 1e-10;  // relative change of the cost at which it ends
 };
 
-// One least-squares solution for the used corners, from where `a` is.
-// What is known beforehand of a board's motion and of times counts by a.noise_px. throws CalibrationError
+// One least-squares solution for the used corners, from `a`. Priors are scaled by a.noise_px. throws CalibrationError
 void solve(Adjustment& a, const BoardShape& shape, const SolveOptions& options);
 
-// Sets noise_px, covariance, the offsets into it, and the sigmas of times.
+// Sets noise_px, covariance, its offsets, and the sigmas of times.
 void find_covariance(Adjustment& a, const BoardShape& shape);
 
-// The normal equations of the views of one set: by parameters that are laid out elsewhere (none, where layout_size is
-// 0), and by what is the set's own: its board's pose (right tangent), and where it moves its course and an error of the
-// stamp of each view of the set.
+// Normal equations of the views of one set: by global parameters (none, where layout_size is 0), and by the set's own:
+// board pose (right tangent) and, where the board moves, its course and one stamp error per view.
 struct SetEquations {
   Eigen::MatrixXd by_parameters, mixed, by_own;
   Eigen::VectorXd gradient, own_gradient;
-  int residuals = 0;  // 0: no corner of it is used
-  double cost = 0;    // the residuals' squares
+  int residuals = 0;  // 0: no corner is used
+  double cost = 0;    // sum of squares
 
   SetEquations(int layout_size, int own_size)
       : by_parameters(Eigen::MatrixXd::Zero(layout_size, layout_size)),
@@ -58,24 +56,23 @@ struct SetEquations {
 };
 inline constexpr int own_course_at = 6, own_stamps_at = 18;
 
-// first, last: views of one set, as [first, last) of a.views. What is known beforehand is in it.
+// Views [first, last) of a.views, of one set. Includes the priors.
 SetEquations own_equations(const Adjustment& a, const BoardShape& shape, std::size_t first, std::size_t last);
 
-// The lenses and poses of `one` less those of `other`, where the covariance of `one` has them; 0 for its times.
+// Lenses and poses of `one` less those of `other`, laid out as the covariance of `one`; 0 for times.
 Eigen::VectorXd parameter_difference(const Adjustment& one, const Adjustment& other);
 
-// Of latencies and readouts, as the covariance has them.
+// Sigmas of latencies and readouts, from the covariance.
 void set_time_sigmas(Adjustment& a);
 
-// Sets further apart than this tell nothing of how the board moves in between: a hand turns back within half a second.
+// Longest gap between sets over which motion is interpolated: a hand turns back within half a second.
 inline constexpr double longest_gap_s = 0.25;
 
-// Whether views tell how the board moves: all have stamps, and some sets follow closely upon one another.
-bool tell_motion(const std::vector<BoardView>& views);
+// Whether the board's motion is observable: all views have stamps, and some sets are close in time.
+bool determine_motion(const std::vector<BoardView>& views);
 
-// Where sets follow closely upon one another: moves each set's moment amid its views, and takes from the sets around
-// how the board moves then (expected, information, is_known). Learns how boards are carried, and the usual errors
-// of stamps, when asked to.
+// Where sets are close in time: centres each set's moment on its views, and renews the motion prior from the
+// neighbouring sets (expected, information, is_known) and its hyperparameters; with_stamps: stamp_sigma_s, too.
 void renew_motions(Adjustment& a, const BoardShape& shape, bool with_stamps);
 
 }  // namespace huetrack::solver

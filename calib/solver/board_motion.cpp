@@ -17,23 +17,23 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-// The nearest sets before and after, so many each: what they say is a cubic, which holds for a short time only.
+// Neighbouring sets on either side: the cubic model holds for a short time only.
 constexpr int sets_each_way = 2;
-// Where two sets were says how the board moved in both of them: counted whole in each, it would count twice.
+// Each pair of sets contributes to the motion of both: weighted so that it does not count twice.
 constexpr double share_of_each = 0.5;
 
-// How a hand carries a board, before anything is known of it: rms of the second and third derivative of turning (rad)
-// and place (m). At some 1.5 Hz, where hands are slower still, a derivative is ten times the one before it.
+// Initial hyperparameters of a hand-carried board: rms second and third derivative of rotation (rad) and position (m);
+// at 1.5 Hz each derivative is ten times the one before.
 constexpr std::array<double, 2> usual_change{15, 3}, usual_jerk{150, 30};
-// What is learnt of it, of the usual: slower boards are as good as at rest, and faster ones nobody carries.
+// Limits of the estimates, relative to the initial ones.
 constexpr double least_carrying = 0.01, most_carrying = 2;
 
-// What goes further between two sets was not carried: the pictures are of different places, one after the other.
+// Faster between two sets: separate places, not a continuous motion.
 constexpr std::array<double, 2> fastest{10, 3};  // rad/s, m/s
 
-// A camera that makes five pictures a second, of which a program takes the newest, has stamps that are off by up to a
-// fifth of a second, evenly distributed: 60 ms. Begun with is the border between such stamps and drivers' own: where
-// they are better that is soon learnt, but stamps that are believed at first bend the boards' courses.
+// Upper limit: a program that takes the newest of five images a second has stamp errors uniform over 0.2 s, sigma 60
+// ms. Initially the border between such stamps and drivers' own: too small a value distorts the motion, too large a one
+// is corrected soon.
 constexpr double least_stamp_sigma_s = 5e-5, most_stamp_sigma_s = 0.06, first_stamp_sigma_s = worst_stamps_of_camera_s;
 
 // The views of one set, as [first, last).
@@ -50,21 +50,21 @@ std::vector<ViewsOfSet> views_of_sets(const Adjustment& a) {
   return sets;
 }
 
-// A set whose board is where it was found to be, and how certain that is.
+// Estimated board pose of a set, with its variance.
 struct PlacedSet {
   ViewsOfSet views;
   int set = 0;
   double at_s = 0;
-  calib::Tangent6d variance = calib::Tangent6d::Zero();  // of its board's pose, right tangent
+  calib::Tangent6d variance = calib::Tangent6d::Zero();  // of the pose, right tangent
 };
 
-// When the middle row of a view was exposed, by its stamp. Not by what was found to be its error: then a set's moment
-// would follow it, and so would what the sets around say, round after round.
+// Exposure of a view's middle row, by its stamp without the estimated stamp error: that would feed back into the motion
+// prior from round to round.
 double middle_of(const Adjustment& a, std::size_t v) {
   return *a.views[v].stamp_s - a.cameras[index(a.views[v].camera)].latency.value_s;
 }
 
-// To where the board is at another time; its course with it.
+// Moves pose and course to another time.
 void move_moment(Adjustment& a, int set, double at_s) {
   BoardMotion& motion = a.motions[index(set)];
   if (motion.is_known) {
@@ -74,15 +74,14 @@ void move_moment(Adjustment& a, int set, double at_s) {
     step.translation = way.tail<3>();
     a.world_from_board[index(set)] = a.world_from_board[index(set)] * step;
     motion.course.col(0) += tau * motion.course.col(1);
-    // The board's own axes have turned, too.
+    // In the turned axes of the board.
     motion.course.bottomRows<3>() =
         (step.rotation.toRotationMatrix().transpose() * motion.course.bottomRows<3>()).eval();
   }
   motion.at_s = at_s;
 }
 
-// What some numbers that were found tell of how large they usually are (MacKay's rule: only as far as the views
-// determine them).
+// Evidence estimate of a prior's standard deviation (MacKay: effective number of determined parameters).
 class UsualSize {
  public:
   void add(double value, double variance, double usual) {
@@ -90,7 +89,7 @@ class UsualSize {
     squares_ += value * value;
   }
   double sigma(double otherwise, double least, double most) const {
-    constexpr double enough = 4;  // numbers that are as good as measured
+    constexpr double enough = 4;  // effective parameters
     if (determined_ < enough) return otherwise;
     return std::clamp(std::sqrt(squares_ / determined_), least, most);
   }
@@ -99,20 +98,20 @@ class UsualSize {
   double determined_ = 0, squares_ = 0;
 };
 
-// What the sets tell of how the board is carried: of turning, and of place.
-struct CarryingTold {
+// Estimates of the hyperparameters, of rotation and of position.
+struct MotionStatistics {
   std::array<UsualSize, 2> change, jerk;
 };
 
-// By least squares: the cubics through where the board was, seen from where it is in this set.
-void find_motion(Adjustment& a, const std::vector<PlacedSet>& sets, std::size_t s, CarryingTold& told) {
+// Least-squares cubics through the neighbours' poses, relative to this set's.
+void find_motion(Adjustment& a, const std::vector<PlacedSet>& sets, std::size_t s, MotionStatistics& statistics) {
   BoardMotion& motion = a.motions[index(sets[s].set)];
   const calib::Rigid3d board_from_world = calib::inverse(a.world_from_board[index(sets[s].set)]);
   std::vector<std::size_t> around;
-  std::vector<calib::Tangent6d> moved;  // beside it
+  std::vector<calib::Tangent6d> moved;  // per neighbour
   for (const int way : {-1, 1}) {
     for (int k = 1; k <= sets_each_way; ++k) {
-      const std::size_t other = s + static_cast<std::size_t>(way * k);  // below 0 it wraps, and is no index
+      const std::size_t other = s + static_cast<std::size_t>(way * k);  // unsigned wrap-around below 0 is rejected
       const double gap_s = other < sets.size() ? std::abs(sets[other].at_s - sets[s].at_s) : longest_gap_s;
       if (!(gap_s < longest_gap_s)) break;
       const calib::Rigid3d step = board_from_world * a.world_from_board[index(sets[other].set)];
@@ -130,11 +129,11 @@ void find_motion(Adjustment& a, const std::vector<PlacedSet>& sets, std::size_t 
     return;
   }
   for (int i = 0; i < 6; ++i) {
-    // Unknown: rate, change, jerk; with what is known of the latter two.
+    // Unknown: rate, change, jerk; with priors of the latter two.
     Eigen::Matrix3d h = Eigen::Matrix3d::Zero();
     Eigen::Vector3d g = Eigen::Vector3d::Zero(), g_of_own = Eigen::Vector3d::Zero();
     const std::size_t kind = i < 3 ? 0 : 1;
-    const double change = a.carrying.change[kind], jerk = a.carrying.jerk[kind];
+    const double change = a.motion_prior.change[kind], jerk = a.motion_prior.jerk[kind];
     h.diagonal() << 0, 1 / (change * change), 1 / (jerk * jerk);
     for (std::size_t k = 0; k < around.size(); ++k) {
       const PlacedSet& other = sets[around[k]];
@@ -149,10 +148,10 @@ void find_motion(Adjustment& a, const std::vector<PlacedSet>& sets, std::size_t 
                                     Eigen::Matrix3d(scale.asDiagonal() * h * scale.asDiagonal()).inverse() *
                                     scale.asDiagonal();
     const Eigen::Vector3d derivatives = inverse * g;
-    told.change[kind].add(derivatives(1), inverse(1, 1), change);
-    told.jerk[kind].add(derivatives(2), inverse(2, 2), jerk);
+    statistics.change[kind].add(derivatives(1), inverse(1, 1), change);
+    statistics.jerk[kind].add(derivatives(2), inverse(2, 2), jerk);
     motion.expected.row(i) = derivatives.head<2>().transpose();
-    // Where this set's own board is found to be has an error, too.
+    // This set's own pose has an error, too.
     const Eigen::Vector2d by_own = (inverse * g_of_own).head<2>();
     const Eigen::Matrix2d covariance =
         inverse.topLeftCorner<2, 2>() + sets[s].variance(i) * by_own * by_own.transpose();
@@ -163,7 +162,7 @@ void find_motion(Adjustment& a, const std::vector<PlacedSet>& sets, std::size_t 
 
 }  // namespace
 
-bool tell_motion(const std::vector<BoardView>& views) {
+bool determine_motion(const std::vector<BoardView>& views) {
   std::map<int, double> at_s;
   for (const BoardView& view : views) {
     if (!view.stamp_s) return false;
@@ -180,12 +179,12 @@ void renew_motions(Adjustment& a, const BoardShape& shape, bool with_stamps) {
   for (AdjustedCamera& camera : a.cameras) {
     if (!(camera.stamp_sigma_s > 0)) camera.stamp_sigma_s = first_stamp_sigma_s;
   }
-  if (!(a.carrying.change[0] > 0)) a.carrying = {usual_change, usual_jerk};
+  if (!(a.motion_prior.change[0] > 0)) a.motion_prior = {usual_change, usual_jerk};
   std::vector<PlacedSet> sets;
   std::vector<UsualSize> errors(a.cameras.size());
   for (const ViewsOfSet& views : views_of_sets(a)) {
     PlacedSet set{views, a.views[views.first].set};
-    // A view that is not used has no error of its stamp.
+    // Unused views keep a stamp error of 0.
     std::vector<double> middles;
     for (std::size_t v = views.first; v < views.last; ++v) {
       if (a.fits[v].dropped) a.stamp_error_s[v] = 0;
@@ -198,7 +197,7 @@ void renew_motions(Adjustment& a, const BoardShape& shape, bool with_stamps) {
     const MatrixXd covariance =
         a.noise_px * a.noise_px * equations.by_own.ldlt().solve(MatrixXd(MatrixXd::Identity(size, size)));
     if (!covariance.allFinite() || covariance.diagonal().minCoeff() <= 0) continue;
-    // A pose is never better than the flatness of a board.
+    // Limit by the flatness of a board.
     constexpr double least_sigma = 2e-5;
     set.variance = covariance.diagonal().head<6>().cwiseMax(least_sigma * least_sigma);
     for (std::size_t v = views.first; v < views.last && a.moves(set.set); ++v) {
@@ -220,15 +219,15 @@ void renew_motions(Adjustment& a, const BoardShape& shape, bool with_stamps) {
   }
   a.stamp_sigma_s = std::sqrt(squares);
   std::ranges::stable_sort(sets, {}, &PlacedSet::at_s);
-  CarryingTold told;
-  for (std::size_t s = 0; s < sets.size(); ++s) find_motion(a, sets, s, told);
+  MotionStatistics statistics;
+  for (std::size_t s = 0; s < sets.size(); ++s) find_motion(a, sets, s, statistics);
   if (!with_stamps) return;
   const auto learn = [](double& usual, const UsualSize& size, double beforehand) {
     usual = size.sigma(usual, least_carrying * beforehand, most_carrying * beforehand);
   };
   for (std::size_t kind = 0; kind < 2; ++kind) {
-    learn(a.carrying.change[kind], told.change[kind], usual_change[kind]);
-    learn(a.carrying.jerk[kind], told.jerk[kind], usual_jerk[kind]);
+    learn(a.motion_prior.change[kind], statistics.change[kind], usual_change[kind]);
+    learn(a.motion_prior.jerk[kind], statistics.jerk[kind], usual_jerk[kind]);
   }
 }
 

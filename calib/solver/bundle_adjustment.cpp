@@ -18,7 +18,7 @@ using calib::index;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-// Renews the residuals, for all corners, used or not.
+// Residuals of all corners, used or not.
 void measure(Adjustment& a, const BoardShape& shape) {
   for (std::size_t v = 0; v < a.views.size(); ++v) {
     const BoardView& view = a.views[v];
@@ -35,7 +35,7 @@ void measure(Adjustment& a, const BoardShape& shape) {
   }
 }
 
-// How fast the corners of every view move in its picture.
+// Image speed of every view's corners.
 void measure_speeds(Adjustment& a, const BoardShape& shape) {
   for (std::size_t v = 0; v < a.views.size(); ++v) {
     a.fits[v].speed_px_s = 0;
@@ -50,14 +50,13 @@ void measure_speeds(Adjustment& a, const BoardShape& shape) {
   }
 }
 
-// Half of the components of normal residuals are smaller than 0.6745 standard deviations, half of the lengths of two
-// such components are smaller than 1.1774.
+// Medians for normal residuals: |component| 0.6745 sigma, length of two components 1.1774 sigma.
 constexpr double sigma_of_median_component = 1.4826, median_length_of_sigma = 1.18;
 
-// Of a view with fewer good corners than these nothing is used: it shows something else, or at another moment.
+// Views with fewer inliers are dropped: another object, or another moment.
 constexpr std::size_t least_good_tenths = 6, least_good_corners = 4;
 
-// Of a corner, per axis, of one camera (-1: of all, each in its own noise): the outliers hardly count.
+// Robust standard deviation of a corner per axis, of one camera (-1: all, each relative to its own noise).
 double robust_sigma(const Adjustment& a, int camera = -1) {
   std::vector<double> components;
   for (std::size_t v = 0; v < a.fits.size(); ++v) {
@@ -71,8 +70,7 @@ double robust_sigma(const Adjustment& a, int camera = -1) {
   return sigma_of_median_component * calib::median(std::move(components));
 }
 
-// Cameras that are clearly noisier than most (out of focus, say) are to count less: otherwise theirs would be taken for
-// the noise of all, and they would pull the others. True: something changed.
+// Renews relative_noise of clearly noisier cameras (out of focus). Returns whether it changed.
 bool weigh_cameras(Adjustment& a) {
   constexpr double clearly = 1.5, most = 30, changed_share = 0.1;
   std::vector<double> sigmas;
@@ -80,7 +78,7 @@ bool weigh_cameras(Adjustment& a) {
   std::vector<double> seen;
   std::ranges::copy_if(sigmas, std::back_inserter(seen), [](double sigma) { return sigma > 0; });
   if (seen.size() < 2) return false;
-  // The lower median, so that of two cameras one can be the noisier one.
+  // Lower median: of two cameras one can be noisier.
   std::ranges::sort(seen);
   const double usual = seen[(seen.size() - 1) / 2];
   bool changed = false;
@@ -94,7 +92,7 @@ bool weigh_cameras(Adjustment& a) {
   return changed;
 }
 
-// Of all corners' residuals, kept between 0.3 and 10 px.
+// Robust scale of all residuals, limited to 0.3..10 px.
 double median_length(const Adjustment& a) {
   std::vector<double> lengths;
   for (const ViewFit& fit : a.fits) {
@@ -103,10 +101,10 @@ double median_length(const Adjustment& a) {
   return std::clamp(calib::median(lengths), 0.3, 10.0);
 }
 
-// What is known beforehand keeps some weight where corners are exact.
+// Priors keep some weight where corners are exact.
 constexpr double least_noise_px = 0.01;
 
-// How boards move, from where they are found to be now. True: it is (nearly) what it was before.
+// Renews the motions from the present poses. Returns whether they have converged.
 bool renew(Adjustment& a, const BoardShape& shape, bool with_stamps) {
   a.noise_px = std::max(robust_sigma(a), least_noise_px);
   const std::vector<BoardMotion> before = a.motions;
@@ -120,7 +118,7 @@ bool renew(Adjustment& a, const BoardShape& shape, bool with_stamps) {
   return std::abs(a.stamp_sigma_s - stamps_before_s) < settled_share * a.stamp_sigma_s;
 }
 
-// Decides anew which corners are used; views that hardly fit are dropped for good. True: something changed.
+// Renews the inliers; views with few of them are dropped for good. Returns whether they changed.
 bool classify(Adjustment& a, const AdjustmentOptions& options) {
   const double usual_sigma = robust_sigma(a);
   bool changed = false;
@@ -153,7 +151,7 @@ Vector3d Adjustment::board_point(int id) const {
 
 Vector3d Adjustment::centre_sigma(int camera) const {
   const int at = pose_offset.empty() ? -1 : pose_offset[index(camera)];
-  // Turned about its centre a camera stays: only the translation of the left tangent moves it.
+  // Only the translation of the left tangent moves the centre.
   return at < 0 ? Vector3d(Vector3d::Zero()) : Vector3d(covariance.diagonal().segment<3>(at + 3).cwiseSqrt());
 }
 
@@ -201,25 +199,24 @@ Adjustment adjust(Adjustment a, const AdjustmentOptions& options) {
     a.fits.push_back({std::vector<Vector2d>(view.ids.size()), std::vector<bool>(view.ids.size(), true), 0, 0, {}});
   }
   const bool with_motion = !a.motions.empty();
-  // Motions that are known are those of an adjustment before this one.
+  // Known motions are those of a former adjustment.
   const bool is_near = std::ranges::any_of(a.motions, &BoardMotion::is_known);
   const bool with_lens_prior = std::ranges::any_of(
       a.cameras, [](const AdjustedCamera& camera) { return camera.lens_is_free && camera.lens_prior; });
-  // Of the cost. A corner's residual is some 1e-5 of it: `well` is far below the noise, and `roughly` will do where
-  // another solution follows, with what is known of motions renewed.
+  // Relative tolerances of the cost, of which one corner is some 1e-5. `roughly`: where another solution follows.
   constexpr double exactly = 1e-10, well = 1e-8, roughly = 1e-6;
-  // What is known beforehand counts by the corners' noise.
+  // Priors are scaled by the corners' noise.
   const auto weigh_priors = [&] {
     if (with_lens_prior && !with_motion) a.noise_px = std::max(robust_sigma(a), least_noise_px);
   };
   if (options.find_outliers) {
-    // First with a loss that outliers hardly pull, then plainly, on what is left. The first need not go to the end.
+    // First with a robust loss (not to convergence), then least squares on the inliers.
     constexpr int enough_robust = 30;
     const int robust_iterations = std::min(enough_robust, options.max_iterations);
     measure(a, shape);
     weigh_priors();
     if (!is_near) solve(a, shape, {.robust_px = median_length(a), .max_iterations = robust_iterations});
-    // What moved between the cameras' exposures looks like an outlier until the times are known.
+    // Motion between exposures looks like an outlier until the times are estimated.
     const int rounds_with_motion = is_near ? 1 : 3;
     for (int round = 0; with_motion && round < rounds_with_motion; ++round) {
       measure(a, shape);
@@ -244,7 +241,7 @@ Adjustment adjust(Adjustment a, const AdjustmentOptions& options) {
     measure(a, shape);
   }
   const int max_rounds = with_motion ? 12 : 8;
-  // While what is known of motions is still renewed there is no need to go to the end each time.
+  // Not to convergence while the motion prior still changes.
   const int first_iterations = std::min(10, options.max_iterations);
   for (int round = 0; round < max_rounds; ++round) {
     weigh_priors();
@@ -317,7 +314,7 @@ std::vector<BoardPose> board_poses(const board::Board& board, const BoardView& v
   std::vector<std::size_t> used;
   for (std::size_t k = 0; k < view.ids.size(); ++k) {
     const auto ray = model.ray({view.px[k]});
-    if (!ray || ray->z() < 0.1) continue;  // beyond 84 degrees off the axis the plane z = 1 is too far away
+    if (!ray || ray->z() < 0.1) continue;  // beyond 84 degrees off the axis
     const Vector3d p = board.point(view.ids[k]);
     points.emplace_back(p.x(), p.y(), 0);
     normalised.emplace_back(ray->x() / ray->z(), ray->y() / ray->z());
@@ -329,7 +326,7 @@ std::vector<BoardPose> board_poses(const board::Board& board, const BoardView& v
   try {
     cv::solvePnPGeneric(points, normalised, cv::Matx33d::eye(), cv::noArray(), rotations, translations, false,
                         cv::SOLVEPNP_IPPE);
-  } catch (const cv::Exception&) {  // corners in a line
+  } catch (const cv::Exception&) {  // collinear corners
     return poses;
   }
   for (std::size_t s = 0; s < rotations.size(); ++s) {
@@ -338,9 +335,9 @@ std::vector<BoardPose> board_poses(const board::Board& board, const BoardView& v
     pose.cam_from_board.rotation = calib::exp((calib::Tangent6d() << w, Vector3d::Zero()).finished()).rotation;
     pose.cam_from_board.translation = {translations[s].at<double>(0), translations[s].at<double>(1),
                                        translations[s].at<double>(2)};
-    // What was found is where the plane of the corners is, and of the board's back that is not the board's own.
+    // The pose is that of the corners' plane, which on the back is not the board's.
     pose.cam_from_board.translation -= pose.cam_from_board.rotation * Vector3d(0, 0, board.point(view.ids.front()).z());
-    // A few steps to the least reprojection error.
+    // Gauss-Newton on the reprojection error.
     calib::Tangent6d step;
     for (int iteration = 0; iteration < 10; ++iteration) {
       Eigen::Matrix<double, 6, 6> h = Eigen::Matrix<double, 6, 6>::Identity() * 1e-9;

@@ -1,7 +1,5 @@
-// The joint adjustment of cameras, lenses and board poses to the corners that the cameras saw: least squares over the
-// reprojection errors (Ceres), with outliers found and left out, and the covariance of everything that was found.
-// Deterministic: one thread, and the order of the views does not matter. What cannot be done is a CalibrationError: its
-// what() is a fact; what to do about it is said by report::told().
+// Bundle adjustment of cameras, lenses and board poses: least squares over reprojection errors (Ceres), outlier
+// rejection, covariance. Model: design.md. Deterministic: one thread, independent of the order of the views.
 #pragma once
 
 #include <Eigen/Core>
@@ -20,23 +18,23 @@ namespace huetrack::solver {
 // One board in one image.
 struct BoardView {
   int camera = 0;                   // index into the cameras
-  int set = 0;                      // >= 0; the views of one moment have the same board pose
+  int set = 0;                      // >= 0; views of one moment share the board pose
   std::string image;                // for messages: "left07.jpg", "cam0 at 3.20 s"
   std::vector<int> ids;             // ascending; of Board::point()
-  std::vector<Eigen::Vector2d> px;  // raw pixels, beside ids
-  // The camera's time stamp, freed of jitter, on a clock that all cameras share. nullopt: it has none, as a still.
+  std::vector<Eigen::Vector2d> px;  // raw pixels, one per id
+  // Stamp without jitter, on a clock common to all cameras. nullopt: none (a still).
   std::optional<double> stamp_s{};
-  double blur_px{};  // standard deviation of its edges' blur, median over the corners; 0: not known
+  double blur_px{};  // standard deviation of the edges' blur, median over the corners; 0: not known
 };
 
-// A time that is adjusted, and what is known of it beforehand.
+// An estimated time and its prior.
 struct AdjustedTime {
   double value_s = 0;
-  double prior_s = 0, prior_sigma_s = 0;  // sigma 0: it is held
-  double sigma_s = 0;                     // result: its standard deviation, the prior included
+  double prior_s = 0, prior_sigma_s = 0;  // sigma 0: held
+  double sigma_s = 0;                     // result: posterior standard deviation
 };
 
-// What is known beforehand of a lens that is adjusted.
+// Prior of a free lens.
 struct LensPrior {
   LensParameters mean = LensParameters::Zero();
   Eigen::MatrixXd information;  // the inverse of its covariance, parameter_count() square
@@ -48,70 +46,64 @@ struct AdjustedCamera {
   LensModel lens = LensModel::radtan5;
   LensParameters parameters = LensParameters::Zero();
   calib::Rigid3d cam_from_world;
-  bool lens_is_free = true;  // otherwise the intrinsics stay
-  // Of an intrinsics that stays: how well it is known, parameter_count() square; empty: exactly. What follows from it
-  // is part of the result's covariance.
+  bool lens_is_free = true;  // otherwise the intrinsics are held
+  // Covariance of held intrinsics, parameter_count() square; empty: exact. It is propagated into the result's.
   Eigen::MatrixXd lens_covariance;
-  std::optional<LensPrior> lens_prior;  // of an intrinsics that is free
-  // How much noisier its corners are than Adjustment::noise_px: they count that much less. Set by adjust(); 1 unless
-  // they are clearly noisier than most cameras', as those of a camera that is out of focus.
+  std::optional<LensPrior> lens_prior;  // of free intrinsics
+  // Standard deviation of its corners over Adjustment::noise_px. Set by adjust(); 1 unless clearly noisier than most
+  // cameras (out of focus).
   double relative_noise = 1;
-  // > 0: keeps the distorted radius growing out to the image's corners, where no board may have been; without it,
-  // coefficients that the views hardly determine can fold the image there. The weight of a slope that is too small by
-  // 1, in pixels.
+  // > 0: penalises a lens that folds (distorted radius not growing) out to the image's corners, where coefficients may
+  // be undetermined. Residual in pixels per unit of missing slope.
   double unfold = 0;
-  bool pose_is_free = true;  // otherwise cam_from_world stays; at least one camera's must
-  // When its rows are exposed, as in calib::CameraTiming: used, and adjusted, where a board moves. One constant that
-  // all latencies have in common cannot be told, so at least one camera's is held.
+  bool pose_is_free = true;  // at least one camera's is held
+  // As in calib::CameraTiming; estimated where a board moves. A common offset of all latencies is not observable: at
+  // least one camera's is held.
   AdjustedTime latency, readout;
-  // The usual error of its stamps (standard deviation), as it is learnt where a board moves: what is left of jitter;
-  // or more, where a program noted when it took a picture that had been waiting for it. 0: not yet known.
+  // Standard deviation of its stamps' errors, estimated where a board moves. 0: not yet known.
   double stamp_sigma_s = 0;
-  calib::CameraTiming timing;  // as it was given: rig_of() keeps it where nothing better was found
+  calib::CameraTiming timing;  // as given; rig_of() keeps it where nothing better was estimated
 
   calib::CameraModel model() const { return camera_model(lens, parameters); }
 };
 
-// How a board moves around the moment of its set: a time tau later, what was its point p is at R(turn) p + shift in its
-// own frame at that moment, (turn, shift) = tau course.col(0) + tau^2 / 2 course.col(1).
+// Motion of a board around the moment of its set, constant acceleration: at tau, its point p is at R(turn) p + shift in
+// the board's frame at tau = 0, (turn, shift) = tau course.col(0) + tau^2 / 2 course.col(1).
 struct BoardMotion {
   using Course = Eigen::Matrix<double, 6, 2>;  // rotation (rad) and translation (m): per s, and per s^2
-  bool is_known = false;                       // from the sets around; otherwise the board rests while it is seen
-  double at_s = 0;                             // the moment, on the clock of the stamps less latency
-  Course course = Course::Zero();              // adjusted
-  // What the sets around say of it, with the inverse of its covariance for each of the six. It does not change while
-  // this set's pose is adjusted: a lens or a camera that moves, moves the boards of all sets alike. Held against where
-  // the others were, none could follow.
+  bool is_known = false;                       // otherwise the board is taken to rest during the set
+  double at_s = 0;                             // tau = 0, on the clock of the stamps less latency
+  Course course = Course::Zero();              // estimated
+  // Prior from neighbouring sets: mean, and information of each of the six axes. Constant during a solution: relative
+  // motion is compared, since a change of lens or camera moves the boards of all sets alike.
   Course expected = Course::Zero();
   std::array<Eigen::Matrix2d, 6> information{};
 };
 
-// How a board is carried, as it is learnt from where it is found to be: rms of the second and third derivative of its
-// turning (rad) and of its place (m), each axis.
-struct BoardCarrying {
+// Hyperparameters of the motion prior: rms second and third derivative of rotation (rad) and position (m), per axis.
+struct BoardMotionPrior {
   std::array<double, 2> change{}, jerk{};  // per s^2, per s^3; 0: not yet known
 };
 
-// How far a view's corners are off whose greater part contradicts the other views: medians of the residuals' lengths.
+// A view that contradicts the others: median lengths of residuals.
 struct ViewMisfit {
   double own_px = 0;
-  double others_px = 0;  // of the views that are not dropped, and of this one before it is
+  double others_px = 0;  // of the views that were not dropped
 };
 
-// How one view fits.
 struct ViewFit {
-  std::vector<Eigen::Vector2d> residuals;  // measured minus projected, pixels, beside BoardView::ids
-  std::vector<bool> used;                  // beside ids; false: an outlier
+  std::vector<Eigen::Vector2d> residuals;  // measured minus projected, pixels, one per id
+  std::vector<bool> used;                  // one per id; false: outlier
   double rms_px = 0;                       // length of the residuals, over all corners of the view
-  double speed_px_s = 0;                   // of its corners, median; 0: the board rests, as far as is known
-  std::optional<ViewMisfit> dropped;       // so far off that no corner of it is used; nullopt: some are
+  double speed_px_s = 0;                   // median of its corners; 0: at rest, or not known
+  std::optional<ViewMisfit> dropped;       // the whole view is an outlier
 };
 
-// How a board is not what its file says: first how far its middle stands out of the plane of its edges, along x and
-// along y (a parabola each way), metres; then by what share its x is longer than its y, the mean of both being right.
+// Deviation of a board from its file: bend along x and along y (parabola, height of the middle, metres), and relative
+// excess of its x scale over its y scale, their mean being right.
 using BoardWarp = Eigen::Vector3d;
 
-// Before: where to start. After adjust(): what was found.
+// Input of adjust(): initial values. Output: the estimate.
 struct Adjustment {
   board::Board board;
   std::vector<AdjustedCamera> cameras;
@@ -119,28 +111,27 @@ struct Adjustment {
   std::vector<calib::Rigid3d> world_from_board;  // per set; only of sets with views
   BoardWarp warp = BoardWarp::Zero();
   bool warp_is_free = false;
-  // Per set. Before: empty, and boards rest while they are seen; or as many as there are sets, and where views have
-  // stamps and sets follow closely upon one another each view counts at the time of its rows.
+  // Per set. Input: empty: boards rest; otherwise one per set, estimated where views have stamps and sets are close in
+  // time, and each corner counts at the exposure time of its row.
   std::vector<BoardMotion> motions;
-  BoardCarrying carrying;
+  BoardMotionPrior motion_prior;
   double stamp_sigma_s = 0;           // of all cameras (rms of AdjustedCamera::stamp_sigma_s)
-  std::vector<double> stamp_error_s;  // beside views, what is added to the stamp; empty without motions
+  std::vector<double> stamp_error_s;  // per view, added to its stamp; empty without motions
 
   // Results.
-  std::vector<ViewFit> fits;  // beside views
+  std::vector<ViewFit> fits;  // per view
   double noise_px = 0;        // standard deviation of a corner per axis, estimated from the residuals
   double rms_px = 0;          // length of the residuals of all used corners
   int corners_used = 0;
-  // Of all camera parameters that are not exactly known, in the order of `cameras`: first those of its lens
-  // (parameter_count() of them), then those of its pose: rotation (radians) and translation (metres) in the camera's
-  // frame, so that cam_from_world_true = exp(error) * cam_from_world; after all cameras', where boards move, each
-  // camera's latency and readout. Scaled by the noise, and widened where the scatter between sets says that errors
-  // within a set are not independent.
+  // Of all camera parameters that are not exact, camera by camera: lens (parameter_count()), then pose (rotation,
+  // translation in the camera's frame: cam_from_world_true = exp(error) * cam_from_world); where boards move, followed
+  // by each camera's latency and readout. Scaled by the noise; widened where the scatter between sets shows that errors
+  // within a set are correlated.
   Eigen::MatrixXd covariance;
   std::vector<int> lens_offset;  // into covariance, per camera; -1: not in it
   std::vector<int> pose_offset;
   std::vector<int> time_offset;              // of its latency and readout
-  BoardWarp warp_sigma = BoardWarp::Zero();  // of a warp that was free
+  BoardWarp warp_sigma = BoardWarp::Zero();  // of a free warp
 
   bool moves(int set) const { return !motions.empty() && motions[static_cast<std::size_t>(set)].is_known; }
   Eigen::Vector3d board_point(int id) const;         // with the warp, board frame
@@ -152,28 +143,27 @@ struct Adjustment {
 };
 
 struct AdjustmentOptions {
-  // A corner further off than this many standard deviations (robustly estimated) is an outlier, but never one nearer
-  // than least_outlier_px.
+  // Outliers: residuals above this many (robust) standard deviations and above least_outlier_px.
   double outlier_sigmas = 5;
   double least_outlier_px = 0.5;
-  bool find_outliers = true;  // false: every corner counts
+  bool find_outliers = true;  // false: all corners count
   int max_iterations = 100;   // >= 1, of each solution
   bool with_covariance = true;
 };
 
-// throws CalibrationError when it cannot be solved (nothing left to use, or numerically hopeless).
+// throws CalibrationError: no corner left to use, or numerically singular.
 Adjustment adjust(Adjustment start, const AdjustmentOptions& options = {});
 
-// Of what was adjusted: the views that were not dropped, each with its used corners.
+// The views that were not dropped, with their used corners.
 std::vector<BoardView> inliers(const Adjustment& adjustment);
-// Their Adjustment::stamp_error_s, beside them.
+// Their Adjustment::stamp_error_s.
 std::vector<double> stamp_errors_of_inliers(const Adjustment& adjustment);
 
-// The residuals of every view for the state as it is: fits of `state`, nothing moved, every corner used.
+// Residuals of all corners at `state`; nothing is estimated.
 std::vector<ViewFit> evaluate(const Adjustment& state);
 
-// Where a board can be, as one view shows it: the best pose and, where the view hardly tells them apart (planar boards
-// seen from afar have a mirrored twin), the second. Best first; empty when there are not enough corners.
+// Candidate poses of a board from one view, best first: one, or two where the planar ambiguity is not resolved. Empty:
+// not enough corners.
 struct BoardPose {
   calib::Rigid3d cam_from_board;
   double rms_px = 0;

@@ -1,5 +1,5 @@
-// Where a corner of the board appears to a camera, with derivatives: of a board that rests, and of one that moves while
-// the camera's rows are exposed. Private to this module.
+// Projection of a board's corner with derivatives, for boards at rest and for moving boards with row-wise exposure.
+// Private to this module.
 #pragma once
 
 #include <Eigen/Core>
@@ -10,10 +10,9 @@
 
 namespace huetrack::solver {
 
-// How a corner moves by BoardWarp.
+// Derivative of a corner's position by BoardWarp.
 using PointByWarp = Eigen::Matrix3d;
 
-// The board's corners, and how each moves by the warp.
 struct BoardShape {
   std::vector<Eigen::Vector3d> points;
   std::vector<PointByWarp> by_warp;
@@ -29,24 +28,24 @@ struct CornerDerivatives {
   Eigen::Matrix<double, 2, 3, Eigen::RowMajor> by_warp;
   // Of a board that moves:
   Eigen::Matrix<double, 2, 12> by_course;  // of BoardMotion, column by column
-  Eigen::Vector2d by_time;                 // of the moment of the exposure, px/s
+  Eigen::Vector2d by_time;                 // by the exposure time, px/s
 };
 
 // One corner in one view.
 struct BoardCorner {
-  Eigen::Vector3d point;  // of the board as its file says
+  Eigen::Vector3d point;  // as in the board's file
   PointByWarp by_warp;    // see BoardShape
   Eigen::Vector2d measured;
   double below_middle = 0;  // of its row, in image heights: -1/2 the first row, 1/2 the last
 };
 BoardCorner corner_of(const Adjustment& a, const BoardShape& shape, std::size_t view, std::size_t corner);
 
-// A board's pose at the moment of its set; and of one that moves, how: motion may be null.
+// motion: null for a board at rest.
 struct BoardState {
   const calib::Rigid3d& world_from_board;
   const BoardWarp& warp;
   const BoardMotion* motion = nullptr;
-  double after_s = 0;  // of the corner's exposure, after BoardMotion::at_s
+  double after_s = 0;  // exposure of the corner, relative to BoardMotion::at_s
 };
 
 // Projected minus measured; d may be null. false: behind the camera.
@@ -54,7 +53,7 @@ bool corner_residual(LensModel lens, const LensParameters& parameters, const cal
                      const BoardState& board, const BoardCorner& corner, Eigen::Vector2d& residual,
                      CornerDerivatives* d);
 
-// Of a corner of the adjustment, by its state as it is.
+// The same for a corner of an adjustment at its present state.
 bool corner_residual(const Adjustment& a, const BoardShape& shape, std::size_t view, std::size_t corner,
                      Eigen::Vector2d& residual, CornerDerivatives* d);
 

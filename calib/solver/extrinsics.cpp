@@ -42,8 +42,7 @@ calib::Rigid3d motion_of(const board::Board& board, const std::vector<int>& symm
   return {Eigen::Quaterniond(Eigen::Matrix3d(t.topLeftCorner<3, 3>())).normalized(), t.topRightCorner<3, 1>()};
 }
 
-// A view, and where it says that the board is for its camera, in the one or two ways that fit, for the numbering as
-// detected.
+// A view with its one or two candidate poses of the board, for the numbering as detected.
 struct PosedView {
   const BoardView* view = nullptr;
   std::vector<BoardPose> poses;
@@ -80,7 +79,7 @@ class Start {
     calib::Rigid3d b_from_a;
   };
 
-  // nullopt: they never saw the board together.
+  // nullopt: no shared view.
   std::optional<Link> link(int a, int b) const {
     SharedViews shared;
     for (const auto& [set, views] : sets_) {
@@ -89,7 +88,7 @@ class Start {
     }
     if (shared.empty()) return std::nullopt;
     Link best{{a, b, static_cast<int>(shared.size()), 0, 0, 0}, {}};
-    // Every shared set proposes how the cameras stand to one another; the proposal that suits most sets wins.
+    // Every shared set proposes a relative pose; the one with most inlier sets wins.
     constexpr std::size_t most = 40;
     SharedViews some;
     for (std::size_t k = 0; k < std::min(most, shared.size()); ++k)
@@ -113,8 +112,8 @@ class Start {
     return best;
   }
 
-  // Board poses in the world for these camera poses; the views renumbered so that all of one set agree. Views that no
-  // pose of their set's board explains keep their numbering: the adjustment finds them out.
+  // Board poses for these camera poses, with the views of each set renumbered consistently. Views that no pose explains
+  // keep their numbering: outlier rejection removes them.
   Adjustment placed(const std::vector<AdjustedCamera>& cameras) const {
     Adjustment a;
     a.board = board_;
@@ -155,7 +154,7 @@ class Start {
     return a;
   }
 
-  // Centres of the board for both cameras, in the sets that they share.
+  // Centres of the board in both cameras' frames, for shared sets.
   std::pair<Eigen::Matrix3Xd, Eigen::Matrix3Xd> centres(int a, int b) const {
     Vector3d centre = Vector3d::Zero();
     for (int id = 0; id < board_.point_count(); ++id) centre += board_.point(id) / board_.point_count();
@@ -175,8 +174,7 @@ class Start {
   }
 
  private:
-  // Of the ways round that look the same, the one that turned least since the set before: a board that is carried does
-  // not leap.
+  // Among symmetric numberings, the one with the least rotation since the previous set.
   calib::Rigid3d as_before(const calib::Rigid3d& world_from_board, const calib::Rigid3d& before) const {
     calib::Rigid3d best = world_from_board;
     double least = std::numeric_limits<double>::infinity();
@@ -193,8 +191,7 @@ class Start {
 
   using SharedViews = std::vector<std::pair<const PosedView*, const PosedView*>>;  // of two cameras, by sets
 
-  // How well the sets agree that the second camera stands so to the first: what they cost, lower is better, and how
-  // many are off by less than the limit.
+  // Robust cost of a relative pose over the shared sets, and the number of inlier sets.
   std::pair<double, int> agreement(const SharedViews& sets, const calib::Rigid3d& b_from_a, double limit) const {
     double cost = 0;
     int consistent = 0;
@@ -207,11 +204,11 @@ class Start {
     return {cost, consistent};
   }
 
-  double limit_px(int camera) const {  // that a good start keeps to
+  double limit_px(int camera) const {  // residual of an inlier
     return std::max(2.0, 0.008 * cameras_[index(camera)].image_size.width);
   }
 
-  // rms over a few corners, of the numbering that fits best.
+  // rms over a few corners, best numbering.
   double off_px(const PosedView& posed, const calib::Rigid3d& cam_from_board) const {
     return best_motion(posed, cam_from_board).second;
   }
@@ -239,10 +236,10 @@ class Start {
   const board::Board& board_;
   const std::vector<AdjustedCamera>& cameras_;
   std::vector<calib::Rigid3d> motions_;
-  std::map<int, std::map<int, PosedView>> sets_;  // set -> camera -> what it saw
+  std::map<int, std::map<int, PosedView>> sets_;  // set -> camera -> view
 };
 
-// What stands in the way is these cameras' alone: the others could be calibrated.
+// An error of these cameras alone: the others could be calibrated.
 class CameraTrouble : public CalibrationError {
  public:
   CameraTrouble(std::vector<int> cameras, std::vector<Reason> reasons)
@@ -253,10 +250,10 @@ class CameraTrouble : public CalibrationError {
   std::vector<int> cameras_;
 };
 
-// Why two cameras' views contradict one another, from where each says that the board's centre was.
+// Why two cameras' views contradict each other, from the board's centres in each camera's frame.
 Reason explain_contradiction(const Start& start, const std::string& a, const std::string& b, int ia, int ib) {
   const auto [in_a, in_b] = start.centres(ia, ib);
-  if (in_a.cols() < 4) return {": too few shared views to tell why"};
+  if (in_a.cols() < 4) return {": too few shared views to find out why"};
   const auto misfit = [&](const Eigen::Matrix3Xd& from, bool with_scale, double& scale) {
     const Eigen::Matrix4d t = umeyama(from, in_b, with_scale);
     scale = t.topLeftCorner<3, 3>().col(0).norm();
@@ -270,8 +267,7 @@ Reason explain_contradiction(const Start& start, const std::string& a, const std
   mirrored.row(0) *= -1;
   const double rigid = misfit(in_a, false, ignored), similar = misfit(in_a, true, scale),
                mirror = misfit(mirrored, false, ignored);
-  // What explains the views leaves a small part of the misfit that is there without it; and a scale of less than two
-  // in a hundred is within the noise of a few boards.
+  // An explanation must remove most of the misfit; a scale within 2 % is noise.
   constexpr double explained = 0.4, explained_by_far = 0.3, better_than_scale = 0.5, least_scale = 0.02;
   if (mirror < explained_by_far * rigid && mirror < better_than_scale * similar) {
     return {": the images of one of them are mirrored (left and right swapped)", Fault::mirrored_images};
@@ -292,7 +288,7 @@ std::string names(const std::vector<CameraToCalibrate>& cameras, const std::vect
   return text;
 }
 
-// Camera poses along the links with most shared views, from the reference outwards.
+// Camera poses along a maximum spanning tree of shared views, from the reference.
 void connect(std::vector<AdjustedCamera>& cameras, const std::vector<Start::Link>& links, const Start& start,
              int reference, const std::vector<CameraToCalibrate>& named) {
   const auto is_good = [](const CameraPair& p) {
@@ -323,7 +319,7 @@ void connect(std::vector<AdjustedCamera>& cameras, const std::vector<Start::Link
     std::vector<int> inside, outside;
     for (std::size_t c = 0; c < cameras.size(); ++c) (reached[c] ? inside : outside).push_back(static_cast<int>(c));
     const std::vector<int>& fewer = outside.size() <= inside.size() ? outside : inside;
-    // Some pair that should connect the two parts: does it contradict itself, or is there none?
+    // Do pairs between the two parts contradict each other, or is there none?
     const Start::Link* bad = nullptr;
     int few = 0;
     for (const Start::Link& l : links) {
@@ -335,7 +331,7 @@ void connect(std::vector<AdjustedCamera>& cameras, const std::vector<Start::Link
       const std::string &a = named[index(bad->pair.a)].name, &b = named[index(bad->pair.b)].name;
       throw CameraTrouble(fewer, after("cameras " + a + " and " + b + " saw the board together " +
                                            std::to_string(bad->pair.shared_sets) +
-                                           " times, but contradict each other on how they stand",
+                                           " times, but contradict each other on their relative pose",
                                        {explain_contradiction(start, a, b, bad->pair.a, bad->pair.b)}));
     }
     throw CameraTrouble(
@@ -354,8 +350,7 @@ int placed_corners(const Adjustment& a) {
   return count;
 }
 
-// Whether a board's warp that was found is one: clearly not nothing, and more than a board that was glued with care
-// has.
+// Whether an estimated warp is significant, and larger than that of a carefully glued board.
 bool is_warped(const Adjustment& a) {
   constexpr double sigmas = 4;
   Eigen::Vector3d low = a.board.point(0), high = low;
@@ -372,7 +367,7 @@ bool is_warped(const Adjustment& a) {
   return false;
 }
 
-// A lens that did not fold for its own camera's views may do so for those of all, beyond where boards were.
+// A lens that did not fold with its own camera's views may fold in the joint adjustment, outside of the covered part.
 Adjustment adjust_unfolded(Adjustment a, const AdjustmentOptions& options) {
   Adjustment fit = adjust(std::move(a), options);
   for (const double weight : {1.0, 10.0, 100.0}) {
@@ -388,9 +383,9 @@ Adjustment adjust_unfolded(Adjustment a, const AdjustmentOptions& options) {
   return fit;
 }
 
-// The adjustment with a board that need not be what its file says; nullopt: it is.
+// The adjustment with a free warp of the board; nullopt: not significant.
 std::optional<Adjustment> with_warp(Adjustment a, const AdjustmentOptions& options) {
-  constexpr double least_gain = 0.98;  // of the noise: what explains nothing is no warp
+  constexpr double least_gain = 0.98;  // of the noise
   const double before_px = a.noise_px;
   const int used = a.corners_used;
   a.warp_is_free = true;
@@ -398,7 +393,7 @@ std::optional<Adjustment> with_warp(Adjustment a, const AdjustmentOptions& optio
     return warped.noise_px < least_gain * before_px || warped.corners_used > used / least_gain;
   };
   try {
-    // At a glance, on the corners that are used; and where many were not, they may fit now.
+    // Quick test on the used corners; rejected ones may fit now.
     constexpr double many = 0.95;
     int corners = 0;
     for (const BoardView& view : a.views) corners += static_cast<int>(view.ids.size());
@@ -410,14 +405,13 @@ std::optional<Adjustment> with_warp(Adjustment a, const AdjustmentOptions& optio
     a.warp = glance.warp;
     Adjustment warped = adjust_unfolded(std::move(a), options);
     if (explains(warped) && is_warped(warped)) return warped;
-  } catch (const CalibrationError&) {  // the views do not tell
+  } catch (const CalibrationError&) {  // not determined
   }
   return std::nullopt;
 }
 
-// What is known of a lens that was given without a word on how well: as much as of a webcam's that was found from some
-// thirty views of a board. Its rays are off by so much of the image's width (rms over the image), beside a turn of them
-// all: views hardly tell that from a shift of the principal point.
+// Covariance of a given lens without one in its file: as of a webcam calibrated with some thirty views, an rms ray
+// error of usual_lens_share of the image's width, beyond a common rotation (nearly a shift of the principal point).
 LensPrior usual_prior(const AdjustedCamera& camera) {
   constexpr double turn_share = 0.01;
   constexpr int columns = 16, rows = 12;
@@ -453,7 +447,7 @@ LensPrior prior_of(const AdjustedCamera& camera) {
   const Eigen::VectorXd scale = camera.lens_covariance.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
   const MatrixXd correlation = scale.asDiagonal() * camera.lens_covariance * scale.asDiagonal();
   const auto size = correlation.rows();
-  constexpr double least = 1e-9;  // that what is known all too well stays invertible
+  constexpr double least = 1e-9;  // keeps it invertible
   return {camera.parameters, scale.asDiagonal() *
                                  (correlation + least * MatrixXd::Identity(size, size))
                                      .ldlt()
@@ -461,33 +455,31 @@ LensPrior prior_of(const AdjustedCamera& camera) {
                                  scale.asDiagonal()};
 }
 
-// Cameras that agree with themselves far better than with one another did not see the board at the same moment. Lenses
-// that are refined jointly would be bent to make up for that.
+// Views that are far more consistent within each camera than between cameras are not simultaneous. Jointly refined
+// lenses would absorb that.
 bool is_in_step(const Adjustment& refined, double alone_px, const Adjustment& placed) {
-  constexpr double out_of_step = 1.6, least_left = 0.8;
-  return refined.noise_px < out_of_step * alone_px && refined.corners_used > least_left * placed_corners(placed);
+  constexpr double not_synchronised = 1.6, least_left = 0.8;
+  return refined.noise_px < not_synchronised * alone_px && refined.corners_used > least_left * placed_corners(placed);
 }
 
-// The joint adjustment with the lenses that were given refined as far as they may be wrong, where that explains the
-// views of all cameras better; nullopt: they stay. A camera's own views hardly tell a lens that is wrong from boards
-// that are nearer, and where a board is carried from rows that are read one after the other: what is wrong in one that
-// is held goes into the poses and the times.
+// The joint adjustment with given lenses refined under their priors, if that explains the views of all cameras
+// significantly better; nullopt: they are kept. One camera's views hardly separate a wrong lens from nearer boards, or
+// from a rolling shutter; errors of a held lens go into poses and times.
 std::optional<Adjustment> with_given_lenses(Extrinsics& result, const Adjustment& placed, const Adjustment& held,
                                             const ExtrinsicsOptions& options, const std::vector<bool>& found) {
   if (std::ranges::count(found, false) == 0) return std::nullopt;
   if (options.progress) options.progress("the joint adjustment, with the lenses", 1, 3);
   Adjustment a = held;
-  // What was learnt of stamps and carrying is learnt anew: stamps that a wrong lens made look bad would stay so.
+  // Stamp errors and motion prior are estimated again: a wrong lens inflates them.
   a.stamp_error_s.clear();
-  a.carrying = {};
+  a.motion_prior = {};
   for (AdjustedCamera& camera : a.cameras) camera.stamp_sigma_s = 0;
   for (std::size_t c = 0; c < a.cameras.size(); ++c) {
     a.cameras[c].lens_is_free = true;
     if (!found[c]) a.cameras[c].lens_prior = prior_of(a.cameras[c]);
   }
-  // Of the noise: a lens whose focal length is 1 % off moves its camera by centimetres, and the others' times hide all
-  // but a hundredth of the noise of it. And by more than chance, where views are few: each parameter that is freed
-  // explains one residual of what is noise.
+  // A focal length error of 1 % moves its camera by centimetres, but times absorb all but 1 % of the noise. The gain
+  // must exceed chance: each freed parameter explains one residual of noise.
   constexpr double least_gain = 0.995, gain_by_parameter = 5, most_lost = 0.95;
   try {
     a = adjust_unfolded(std::move(a), options.adjustment);
@@ -500,10 +492,9 @@ std::optional<Adjustment> with_given_lenses(Extrinsics& result, const Adjustment
   if (a.noise_px > least_gain * held.noise_px || gain < gain_by_parameter * freed ||
       a.corners_used < most_lost * held.corners_used || !is_in_step(a, result.alone_px, placed))
     return std::nullopt;
-  // What differs must do so by more than the scatter between moments, which knows of cameras that are a little out of
-  // step: the gain above takes all corners of a view for independent of one another.
+  // The lenses must also differ significantly by the scatter between sets: the gain above assumes independent corners.
   constexpr double clearly_other = 2;
-  double most = 0;  // in units of how well it is known, of any lens
+  double most = 0;  // largest difference of a lens in its standard deviations
   for (std::size_t c = 0; c < a.cameras.size(); ++c) {
     if (found[c]) continue;
     const RayUncertainty rays = ray_uncertainty(a, static_cast<int>(c));
@@ -514,7 +505,7 @@ std::optional<Adjustment> with_given_lenses(Extrinsics& result, const Adjustment
   return a;
 }
 
-// Of corners that are all used; each has its camera's noise.
+// All corners used; noise per camera.
 double minus_two_log_likelihood(const Adjustment& a) {
   double sum = 0;
   for (const BoardView& view : a.views) {
@@ -524,26 +515,25 @@ double minus_two_log_likelihood(const Adjustment& a) {
   return sum;
 }
 
-// Two lens models that a camera's own views hardly tell apart differ by what moves all cameras: which of them it is, is
-// told by what all of them saw. start: with the models as chosen camera by camera; returned with those that fit better.
-// told: set, per camera: it is its rival.
-Adjustment with_models_told(const Extrinsics& result, Adjustment start, std::vector<bool>& told) {
+// Decides between nearly equivalent lens models (choice and rival) by the views of all cameras. start: with the models
+// chosen camera by camera; returned with those that fit better. is_rival: set, per camera.
+Adjustment with_models_decided(const Extrinsics& result, Adjustment start, std::vector<bool>& is_rival) {
   const auto has_rival = [&](std::size_t c) {
     return result.lenses[c] && result.lenses[c]->rival && start.cameras[c].lens_is_free;
   };
-  told.assign(start.cameras.size(), false);
-  for (std::size_t c = 0; c < told.size(); ++c) told[c] = has_rival(c);
-  if (std::ranges::count(told, true) == 0) return start;
-  // At a glance, and on the same corners for both.
+  is_rival.assign(start.cameras.size(), false);
+  for (std::size_t c = 0; c < is_rival.size(); ++c) is_rival[c] = has_rival(c);
+  if (std::ranges::count(is_rival, true) == 0) return start;
+  // Few iterations, the same corners for both.
   constexpr AdjustmentOptions glance{.find_outliers = false, .max_iterations = 20};
   Adjustment best = start;
   best.views = inliers(start);
   best.stamp_error_s = stamp_errors_of_inliers(start);
   best = adjust(std::move(best), glance);
   const double residuals = 2.0 * best.corners_used;
-  for (std::size_t c = 0; c < told.size(); ++c) {
-    if (!told[c]) continue;
-    told[c] = false;
+  for (std::size_t c = 0; c < is_rival.size(); ++c) {
+    if (!is_rival[c]) continue;
+    is_rival[c] = false;
     const LensModel model = result.lenses[c]->trials[*result.lenses[c]->rival].lens;
     Adjustment trial = best;
     trial.cameras[c] = start_like(best.cameras[c], model);
@@ -552,23 +542,23 @@ Adjustment with_models_told(const Extrinsics& result, Adjustment start, std::vec
     } catch (const CalibrationError&) {
       continue;
     }
-    // By Schwarz's criterion, of -2 log likelihood.
+    // BIC.
     const int more = parameter_count(model) - parameter_count(best.cameras[c].lens);
     const double gain = minus_two_log_likelihood(best) - minus_two_log_likelihood(trial);
     if (!is_sound(trial.cameras[c]) || gain < more * std::log(residuals)) continue;
-    told[c] = true;
+    is_rival[c] = true;
     best = std::move(trial);
   }
-  if (std::ranges::count(told, true) == 0) return start;
+  if (std::ranges::count(is_rival, true) == 0) return start;
   start.cameras = std::move(best.cameras);
   start.world_from_board = std::move(best.world_from_board);
   start.motions = std::move(best.motions);
-  start.carrying = best.carrying;
+  start.motion_prior = best.motion_prior;
   return start;
 }
 
-// The joint adjustment, with the lenses as options.refine_lens says. found: per camera: its lens is from these views,
-// rather than given and borne out. Sets adjustment, refinement and board_is_warped.
+// The joint adjustment, with lenses by options.refine_lens. found: per camera: its lens is estimated from these views,
+// not given. Sets adjustment, refinement and board_is_warped.
 void refine(Extrinsics& result, const Adjustment& placed, const ExtrinsicsOptions& options,
             const std::vector<bool>& found) {
   const auto freed = [&](Adjustment a) {
@@ -595,24 +585,24 @@ void refine(Extrinsics& result, const Adjustment& placed, const ExtrinsicsOption
                    : take(std::move(held), LensRefinement::kept_as_given);
   }
   if (options.progress) options.progress("the joint adjustment, with the lenses", 1, 3);
-  std::vector<bool> told;
-  const Adjustment refined = adjust_unfolded(with_models_told(result, freed(held), told), options.adjustment);
+  std::vector<bool> is_rival;
+  const Adjustment refined = adjust_unfolded(with_models_decided(result, freed(held), is_rival), options.adjustment);
   take(refined, LensRefinement::refined);
   const bool in_step = is_in_step(result.adjustment, result.alone_px, placed);
-  for (std::size_t c = 0; in_step && c < told.size(); ++c) {
-    if (!told[c]) continue;
+  for (std::size_t c = 0; in_step && c < is_rival.size(); ++c) {
+    if (!is_rival[c]) continue;
     Intrinsics& lens = *result.lenses[c];
     lens.alone = std::exchange(lens.chosen, *lens.rival);
     lens.choice = LensChoice::together;
   }
-  // What those that were found here explain is not to be put down to the given ones.
+  // Estimated lenses first: given ones must not absorb their errors.
   if (auto all = with_given_lenses(result, placed, in_step ? refined : held, options, found))
     return take(std::move(*all), LensRefinement::given_refined);
-  if (!in_step) take(std::move(held), LensRefinement::out_of_step);
+  if (!in_step) take(std::move(held), LensRefinement::not_synchronised);
 }
 
-// No lens that was given is exact. Frees those that stay as far as they may be wrong, on the corners that are used: how
-// well they and all that hangs on them are known then, and where the views would put them. nullopt: none stays.
+// Frees the kept given lenses under their priors, on the used corners, for their covariance and their difference from
+// the given ones. nullopt: none is kept.
 std::optional<Adjustment> with_open_lenses(const Adjustment& held, const std::vector<bool>& found) {
   Adjustment open = held;
   open.views = inliers(held);
@@ -632,8 +622,7 @@ std::optional<Adjustment> with_open_lenses(const Adjustment& held, const std::ve
   }
 }
 
-// States of what was adjusted with lenses held how well it is known when they are not, and besides how far it then is
-// elsewhere.
+// Adds to an adjustment with held lenses the uncertainty that they cause, by the one with freed lenses.
 void state_as_open(Adjustment& held, const Adjustment& open) {
   Eigen::VectorXd off = parameter_difference(open, held);
   for (std::size_t c = 0; c < held.cameras.size(); ++c) {
@@ -650,27 +639,27 @@ void state_as_open(Adjustment& held, const Adjustment& open) {
   set_time_sigmas(held);
 }
 
-// What the result says against itself: halves, and lenses that were given and stay. Widens its covariance by both.
+// Consistency checks: halves, and kept given lenses. Both widen the covariance.
 void check_itself(Extrinsics& result, const std::vector<bool>& found) {
   Adjustment& held = result.adjustment;
   result.moved_within = find_moved_within(held);
   std::optional<Adjustment> open = with_open_lenses(held, found);
   result.halves = compare_halves(open ? *open : held);
   widen_by(open ? *open : held, result.halves);
-  result.borne_out.resize(held.cameras.size());
+  result.given_lens_checks.resize(held.cameras.size());
   if (!open) return;
   for (std::size_t c = 0; c < held.cameras.size(); ++c) {
     if (!open->cameras[c].lens_is_free || held.cameras[c].lens_is_free) continue;
     const RayUncertainty rays = ray_uncertainty(*open, static_cast<int>(c));
-    result.borne_out[c] = LensBorneOut{difference(held.cameras[c], open->cameras[c], rays.covered).covered_px,
-                                       rays.covered_px, held.cameras[c].lens_covariance.size() > 0};
+    result.given_lens_checks[c] = GivenLensCheck{difference(held.cameras[c], open->cameras[c], rays.covered).covered_px,
+                                                 rays.covered_px, held.cameras[c].lens_covariance.size() > 0};
   }
   state_as_open(held, *open);
 }
 
-// What is known of the cameras' times beforehand. One latency is held: the first that is given, or the reference's.
+// Priors of the cameras' times. One latency is held: the first given one, or the reference's.
 void set_times(std::vector<AdjustedCamera>& cameras, const std::vector<CameraToCalibrate>& given, int reference) {
-  // No webcam is later than that with its stamp, nor reads its rows more slowly; and a sensor may be upside down.
+  // Limits of webcams; an upside-down sensor has a negative readout.
   constexpr double usual_latency_s = 0.05, usual_readout_s = 0.03;
   const auto set = [](AdjustedTime& time, std::optional<double> value, std::optional<double> sigma, double usual_s) {
     time.value_s = time.prior_s = value.value_or(0);
@@ -687,7 +676,7 @@ void set_times(std::vector<AdjustedCamera>& cameras, const std::vector<CameraToC
   cameras[held].latency.prior_sigma_s = 0;
 }
 
-// A lens that was given for one camera, but fits another one's views.
+// Given lenses that were exchanged between cameras.
 void refuse_swapped(const board::Board& board, const std::vector<AdjustedCamera>& cameras,
                     const std::vector<std::vector<BoardView>>& own,
                     const std::vector<std::optional<LensCheck>>& checks) {
@@ -713,7 +702,7 @@ struct LensOfCamera {
   std::optional<Intrinsics> found;
   std::optional<LensCheck> check;
   double alone_px = 0;
-  std::vector<Reason> trouble;  // why there is none; empty: there is one
+  std::vector<Reason> trouble;  // empty: there is a lens
 };
 
 LensOfCamera lens_of(const board::Board& board, const CameraToCalibrate& given, const std::vector<BoardView>& views,
@@ -748,13 +737,13 @@ LensOfCamera lens_of(const board::Board& board, const CameraToCalibrate& given, 
   return lens;
 }
 
-// Each camera's lens by itself: on all cores. own: per camera, its views.
+// Lenses camera by camera, on all cores. own: views per camera.
 std::vector<LensOfCamera> lenses_of(const board::Board& board, const std::vector<CameraToCalibrate>& cameras,
                                     const std::vector<std::vector<BoardView>>& own, const ExtrinsicsOptions& options) {
-  std::mutex telling;
-  std::vector<std::pair<int, int>> progress(cameras.size(), {0, 8});  // done and total; guarded by telling
-  const auto tell = [&](std::size_t c, int done, int total) {
-    const std::scoped_lock lock(telling);
+  std::mutex progress_mutex;
+  std::vector<std::pair<int, int>> progress(cameras.size(), {0, 8});  // done and total; guarded by progress_mutex
+  const auto report_progress = [&](std::size_t c, int done, int total) {
+    const std::scoped_lock lock(progress_mutex);
     progress[c] = {done, total};
     int all_done = 0, all = 0;
     for (const auto& [d, t] : progress) all_done += d, all += t;
@@ -764,9 +753,11 @@ std::vector<LensOfCamera> lenses_of(const board::Board& board, const std::vector
   for (std::size_t c = 0; c < cameras.size(); ++c) {
     found.push_back(std::async(std::launch::async, [&, c] {
       ExtrinsicsOptions own_options = options;
-      own_options.intrinsics.progress = [&](const std::string&, int done, int total) { tell(c, done, total); };
+      own_options.intrinsics.progress = [&](const std::string&, int done, int total) {
+        report_progress(c, done, total);
+      };
       LensOfCamera lens = lens_of(board, cameras[c], own[c], own_options);
-      tell(c, 8, 8);
+      report_progress(c, 8, 8);
       return lens;
     }));
   }
@@ -775,7 +766,7 @@ std::vector<LensOfCamera> lenses_of(const board::Board& board, const std::vector
   return lenses;
 }
 
-// Of the views of sets that both cameras of the pair saw, and that are not dropped: used corners, pixels.
+// rms of the used corners of both cameras in shared sets, px.
 double rms_of_pair(const Adjustment& a, const CameraPair& pair) {
   std::map<int, std::array<bool, 2>> seen;
   for (std::size_t v = 0; v < a.views.size(); ++v) {
@@ -836,7 +827,7 @@ calib::CameraRig rig_of(const Adjustment& adjustment) {
     };
     take(camera.latency, timing.latency_s, timing.latency_sigma_s);
     take(camera.readout, timing.readout_s, timing.readout_sigma_s);
-    // The camera whose clock the others' latencies are counted on.
+    // Time reference.
     if (is_timed && camera.latency.prior_sigma_s == 0) timing.latency_s = camera.latency.value_s;
     rig.cameras.push_back({camera.name, camera.image_size, camera.model(), camera.cam_from_world, timing});
   }
@@ -847,7 +838,7 @@ namespace {
 
 Extrinsics calibrate_all(const board::Board& board, const std::vector<CameraToCalibrate>& cameras,
                          const std::vector<BoardView>& given, const ExtrinsicsOptions& options) {
-  const auto tell = [&](const std::string& step, int done, int total) {
+  const auto report_progress = [&](const std::string& step, int done, int total) {
     if (options.progress) options.progress(step, done, total);
   };
   std::vector<BoardView> views = given;
@@ -881,7 +872,7 @@ Extrinsics calibrate_all(const board::Board& board, const std::vector<CameraToCa
     adjusted[c].parameters = checks[c]->refined.cameras.front().parameters;
     adjusted[c].lens_covariance = checks[c]->refined.covariance;
   }
-  tell("how the cameras stand to one another", 0, 3);
+  report_progress("relative camera poses", 0, 3);
   const Start start(board, adjusted, views);
   std::vector<Start::Link> links;
   for (int a = 0; a < static_cast<int>(cameras.size()); ++a) {
@@ -894,12 +885,12 @@ Extrinsics calibrate_all(const board::Board& board, const std::vector<CameraToCa
     adjusted[c].pose_is_free = static_cast<int>(c) != options.reference;
     adjusted[c].lens_is_free = false;
   }
-  tell("the joint adjustment", 1, 3);
+  report_progress("the joint adjustment", 1, 3);
   set_times(adjusted, cameras, options.reference);
   Adjustment placed = start.placed(adjusted);
-  if (tell_motion(placed.views)) placed.motions.resize(placed.world_from_board.size());
+  if (determine_motion(placed.views)) placed.motions.resize(placed.world_from_board.size());
   refine(result, placed, options, found);
-  tell("what its halves say", 2, 3);
+  report_progress("split-half check", 2, 3);
   check_itself(result, found);
   for (const Start::Link& link : links) {
     result.pairs.push_back(link.pair);
@@ -917,7 +908,7 @@ Extrinsics calibrate_extrinsics(const board::Board& board, const std::vector<Cam
   std::vector<LeftOutCamera> left_out;
   for (;;) {
     std::vector<CameraToCalibrate> some;
-    std::vector<int> place(cameras.size(), -1);  // among the kept ones
+    std::vector<int> place(cameras.size(), -1);  // index among the kept ones
     for (const int camera : kept) {
       place[index(camera)] = static_cast<int>(some.size());
       some.push_back(cameras[index(camera)]);

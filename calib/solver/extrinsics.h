@@ -1,4 +1,4 @@
-// All cameras of a rig in one world, from a board that was carried through the volume.
+// Poses of all cameras in one world, from views of a board that was carried through the volume.
 #pragma once
 
 #include <optional>
@@ -15,106 +15,100 @@ namespace huetrack::solver {
 struct CameraToCalibrate {
   std::string name;
   calib::ImageSize image_size;
-  std::optional<calib::CameraModel> model;  // known intrinsics; nullopt: found from this camera's views
-  calib::CameraTiming timing{};             // what is known of it
-  // How well the model is known, as AdjustedCamera has it; empty: exactly. One of another model is not used.
+  std::optional<calib::CameraModel> model;  // given intrinsics; nullopt: estimated from this camera's views
+  calib::CameraTiming timing{};             // prior
+  // As AdjustedCamera::lens_covariance, of `model`; empty: exact.
   Eigen::MatrixXd lens_covariance{};
 };
 
 enum class RefineLens {
-  // Found from these views: refined with them; given: only where the camera's own views contradict them, or all
-  // cameras' views of a board that is carried do.
+  // Estimated lenses: yes. Given lenses: only where this camera's views, or all views of a moving board, contradict
+  // them.
   automatic,
   yes,
-  no,  // as known before, or as found camera by camera
+  no,  // as given, or as estimated camera by camera
 };
 
 struct ExtrinsicsOptions {
-  int reference = 0;  // the camera whose frame becomes the world
+  int reference = 0;  // its frame becomes the world
   RefineLens refine_lens = RefineLens::automatic;
-  IntrinsicsOptions intrinsics{};  // for cameras whose model is not known
+  IntrinsicsOptions intrinsics{};  // of cameras without a given model
   AdjustmentOptions adjustment{};
-  // Cameras that cannot be calibrated are left out, as long as two are left; otherwise the first of them is an error.
+  // Leave out cameras that cannot be calibrated, while two remain; otherwise they are errors.
   bool leave_out = false;
   Progress progress{};
 };
 
-// Two cameras that saw the board at the same time.
 struct CameraPair {
   int a = 0, b = 0;         // a < b
   int shared_sets = 0;      // both saw the board
-  int consistent_sets = 0;  // of those compared, the ones that agree on how the cameras stand to one another
+  int consistent_sets = 0;  // of compared_sets, those that agree on the relative pose
   int compared_sets = 0;
-  double rms_px = 0;  // of the shared sets after the adjustment, both cameras' used corners
+  double rms_px = 0;  // of the shared sets after the adjustment, used corners of both cameras
 };
 
-// What the joint adjustment did with the lenses.
+// Treatment of the lenses in the joint adjustment.
 enum class LensRefinement {
-  asked_for,      // refined, all of them
-  kept_as_found,  // camera by camera
+  asked_for,      // all refined
+  kept_as_found,  // as estimated camera by camera
   kept_as_given,
-  refined,        // those that were found here
-  given_refined,  // and those that were given, too (AdjustedCamera::lens_prior): they contradict one another (held_px)
-  out_of_step,    // kept: the cameras agree far better with themselves (alone_px) than with one another (noise_px)
+  refined,           // the estimated ones
+  given_refined,     // the given ones, too (AdjustedCamera::lens_prior): they contradict one another (held_px)
+  not_synchronised,  // kept: single cameras fit far better (alone_px) than all together (noise_px)
 };
 
-// Of the image's width: what the rays of a webcam's lens that was given are usually wrong by, rms over the image.
+// Usual rms ray error over the image of a given webcam lens, as a share of the image's width.
 inline constexpr double usual_lens_share = 0.002;
 
-// A lens that was given and stays, against the one that these views would make of it, beginning with what is known of
-// it: over the parts of the image where boards were, px.
-struct LensBorneOut {
-  double off_px = 0;            // by which the two differ, rms
-  double sigma_px = 0;          // how well these views and what was known beforehand tell it (95 %)
-  bool has_covariance = false;  // what was known of it was said in its file; otherwise as much as of a usual one
+// A given lens that is kept, compared with its refinement by these views; over the covered part of the image, px.
+struct GivenLensCheck {
+  double off_px = 0;            // rms difference
+  double sigma_px = 0;          // of the refined lens, 95 %
+  bool has_covariance = false;  // its file has one; otherwise usual_lens_share
 };
 
-// A camera that has no place in the result, and why.
 struct LeftOutCamera {
-  int camera = 0;  // of those that were given
+  int camera = 0;  // index of the input
   std::vector<Reason> why;
 };
 
-// Everything is by the cameras that were kept.
+// Vectors per camera are indexed by the kept cameras.
 struct Extrinsics {
-  std::vector<int> kept;  // of the cameras that were given, ascending
+  std::vector<int> kept;  // indices of the input, ascending
   std::vector<LeftOutCamera> left_out;
-  Adjustment adjustment;                                         // the world is the reference camera's frame
-  std::vector<std::optional<Intrinsics>> lenses;                 // per camera; nullopt: the model was given
-  std::vector<std::optional<LensContradiction>> contradictions;  // per camera: of the lens that was given
-  // Per camera: its views fit another lens better than the given one, but know it less well: the given one stays.
+  Adjustment adjustment;                                         // world: the reference camera's frame
+  std::vector<std::optional<Intrinsics>> lenses;                 // nullopt: the model was given
+  std::vector<std::optional<LensContradiction>> contradictions;  // of a given lens
+  // Its views fit another lens better than the given one, but determine it less well: the given one is kept.
   std::vector<std::optional<LensContradiction>> kept_against;
-  // Per camera: of a lens that was given and stays. That it may be wrong is part of the covariance.
-  std::vector<std::optional<LensBorneOut>> borne_out;
-  // The board is not what its file says: Adjustment::warp was found and is accounted for.
+  // Of given lenses that are kept; the covariance includes their errors.
+  std::vector<std::optional<GivenLensCheck>> given_lens_checks;
+  // The board deviates from its file: Adjustment::warp was estimated.
   bool board_is_warped = false;
-  std::vector<HalvesCheck> halves;  // the covariance is widened by them
+  std::vector<HalvesCheck> halves;  // have widened the covariance
   std::optional<MovedWithin> moved_within;
   std::vector<CameraPair> pairs;  // with shared_sets > 0
   LensRefinement refinement = LensRefinement::kept_as_given;
-  double held_px = 0;   // given_refined: the noise with the lenses as they were given
-  double alone_px = 0;  // noise of the corners, as each camera by itself shows it; 0: not known
+  double held_px = 0;   // given_refined: noise with the given lenses
+  double alone_px = 0;  // noise of single cameras by themselves; 0: not known
 };
 
-// views: BoardView::set is the moment. throws CalibrationError: a camera without enough views, cameras that share too
-// few views (names them), cameras whose views contradict one another (mirrored images, different boards, not at the
-// same time).
+// views: views of one BoardView::set are simultaneous. throws CalibrationError: too few views, no overlap, or
+// contradicting views (mirrored images, different boards, not simultaneous), with the cameras' names.
 Extrinsics calibrate_extrinsics(const board::Board& board, const std::vector<CameraToCalibrate>& cameras,
                                 const std::vector<BoardView>& views, const ExtrinsicsOptions& options = {});
 
-// Where the boards are for cameras that are known: a start for adjust(), all cameras held. Views of symmetric boards
-// are renumbered so that those of one set agree. views: BoardView::camera indexes cameras.
+// Board poses for known cameras: a start for adjust(), all cameras held. Views of symmetric boards are renumbered
+// consistently within each set. views: BoardView::camera indexes `cameras`.
 Adjustment place_boards(const board::Board& board, const calib::CameraRig& cameras,
                         const std::vector<BoardView>& views);
 
-// made_by is empty. Timing is as it was given, but for what views of a board that moved determine better.
+// made_by is empty. Timing as given, except what is_determined().
 calib::CameraRig rig_of(const Adjustment& adjustment);
 
-// Stamps that scatter by more than this (Adjustment::stamp_sigma_s) say when a program fetched a picture. Drivers' own
-// are within a millisecond.
+// Stamps with a larger Adjustment::stamp_sigma_s are those of a program that fetched the image. Drivers' stamps: 1 ms.
 inline constexpr double worst_stamps_of_camera_s = 0.005;
-// Whether the views told a time of a camera's: it is known ten times better, at least, than beforehand, and by stamps
-// that are the camera's.
+// Whether a time was estimated: its sigma is at most a tenth of the prior's, and the stamps are the driver's.
 bool is_determined(const Adjustment& adjustment, const AdjustedTime& time);
 
 }  // namespace huetrack::solver

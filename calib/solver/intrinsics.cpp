@@ -23,7 +23,7 @@ double median_residual(const Adjustment& a) {
   return calib::median(std::move(lengths), std::numeric_limits<double>::infinity());
 }
 
-// One camera, the views each in their own set, numbered from 0, with the best board pose for these intrinsics.
+// Adjustment of one camera, each view in its own set, with the best board poses for these intrinsics.
 Adjustment posed(const board::Board& board, const AdjustedCamera& camera, const std::vector<BoardView>& views) {
   Adjustment a;
   a.board = board;
@@ -48,13 +48,13 @@ std::vector<BoardView> spread_over(const std::vector<BoardView>& views, std::siz
   return some;
 }
 
-// From nothing: tries focal lengths from wide to tele, and keeps what fits best.
+// Initial lens: tries focal lengths from wide to tele.
 AdjustedCamera find_start(const board::Board& board, const AdjustedCamera& camera,
                           const std::vector<BoardView>& views) {
   const bool fisheye = camera.lens == LensModel::fisheye;
   const auto some = spread_over(views, 12);
   const double size = std::max(camera.image_size.width, camera.image_size.height);
-  // Board poses alone tell the plausible focal lengths; a short adjustment tells the best of them.
+  // Residuals of board poses preselect focal lengths; short adjustments decide.
   std::vector<std::pair<double, AdjustedCamera>> trials;
   for (const double factor : {0.3, 0.45, 0.65, 0.9, 1.3, 1.9, 2.8}) {
     AdjustedCamera trial = camera;
@@ -75,7 +75,7 @@ AdjustedCamera find_start(const board::Board& board, const AdjustedCamera& camer
   for (std::size_t t = 0; t < 3; ++t) {
     try {
       Adjustment fit = adjust(posed(board, trials[t].second, some), {.max_iterations = 25, .with_covariance = false});
-      // Once more with the poses that suit this lens: the first ones may be the mirrored twins.
+      // Again with the poses for this lens: the first ones may be mirrored.
       fit = adjust(posed(board, fit.cameras.front(), some), {.max_iterations = 25, .with_covariance = false});
       const LensParameters& l = fit.cameras.front().parameters;
       const bool sane = l(0) > 0.05 * size && l(1) > 0.05 * size && l(0) < 50 * size && l(1) < 50 * size;
@@ -83,7 +83,7 @@ AdjustedCamera find_start(const board::Board& board, const AdjustedCamera& camer
         least = middle;
         best = fit.cameras.front();
       }
-    } catch (const CalibrationError&) {  // this start leads nowhere; another may
+    } catch (const CalibrationError&) {  // another start may succeed
     }
   }
   if (!std::isfinite(least)) {
@@ -93,8 +93,7 @@ AdjustedCamera find_start(const board::Board& board, const AdjustedCamera& camer
   return best;
 }
 
-// A length, squared, robustly: beyond three standard deviations it counts linearly, and beyond what no lens leaves not
-// at all any more, so that a corner that was taken for another one does not decide.
+// Robust square: linear beyond three standard deviations, constant beyond gross errors.
 constexpr double gross_sigmas = 100;
 double robust_square(double length, double sigma) {
   constexpr double sigmas = 3;
@@ -102,10 +101,10 @@ double robust_square(double length, double sigma) {
   return l < from ? l * l : from * (2 * l - from);
 }
 
-// What each corner counts, beside the views: every part of the image the same, however many corners were there, because
-// the few at its edge are what tells lenses apart. All of them together: 1.
+// Weights of corners, sum 1: every part of the image counts the same, since the few corners at its edge discriminate
+// between lenses.
 std::vector<std::vector<double>> weights_by_place(const std::vector<BoardView>& views, calib::ImageSize size) {
-  constexpr int least_corners = 8;  // a part with fewer counts less
+  constexpr int least_corners = 8;  // parts with fewer count less
   std::array<int, ImageStations::count> corners{};
   for (const BoardView& view : views) {
     for (const auto& px : view.px) ++corners[static_cast<std::size_t>(ImageStations::cell_of(px, size))];
@@ -126,8 +125,8 @@ std::vector<std::vector<double>> weights_by_place(const std::vector<BoardView>& 
   return weights;
 }
 
-// Robust weighted sum of squares over the corners of a view, for the pose of its board that suits this lens best. All
-// corners count: one that this lens does not reach is far off.
+// Robust weighted sum of squares over all corners of a view, for the best board pose; corners outside the lens model
+// are gross errors.
 double view_error(const board::Board& board, const AdjustedCamera& camera, const BoardView& view,
                   const std::vector<double>& weights, double sigma) {
   const auto poses = board_poses(board, view, camera.lens, camera.parameters);
@@ -143,8 +142,7 @@ double view_error(const board::Board& board, const AdjustedCamera& camera, const
   return sum;
 }
 
-// What every view adds to the mean squared error, each under a lens that was fitted to other views: robust, and weighed
-// by place.
+// Cross-validation: contribution of every view to the robust, weighted mean square under a lens fitted to other views.
 std::vector<double> held_out_errors(const board::Board& board, const AdjustedCamera& camera,
                                     const std::vector<BoardView>& views, double sigma) {
   constexpr std::size_t folds = 5;
@@ -163,7 +161,7 @@ std::vector<double> held_out_errors(const board::Board& board, const AdjustedCam
   return errors;
 }
 
-// Of a corner's length, by the fit that leaves least in the middle of all.
+// Standard deviation of a corner, by the fit with the smallest median.
 double sigma_of(const std::vector<LensTrial>& trials, const std::vector<Adjustment>& fits) {
   constexpr double median_length_of_sigma = 1.18, least_px = 0.02;
   double least = std::numeric_limits<double>::infinity();
@@ -173,7 +171,7 @@ double sigma_of(const std::vector<LensTrial>& trials, const std::vector<Adjustme
   return std::max(least, least_px);
 }
 
-// The rational model can hide a pole behind a zero, and fit noise with the ripple that they leave.
+// The rational model can hide a pole behind a zero, and fit noise with the remaining ripple.
 bool has_pole(const AdjustedCamera& camera) {
   if (camera.lens != LensModel::radtan8) return false;
   const LensParameters& l = camera.parameters;
@@ -195,13 +193,12 @@ int corners_in(const std::vector<BoardView>& views) {
   return count;
 }
 
-// What a trial is judged by, beside the lens that was fitted.
 struct TrialFit {
   LensTrial trial;
   Adjustment fit;
 };
 
-// A first look on some of the views, without keeping it from folding; nullopt: it leads nowhere.
+// Short fit to a subset of the views, without the fold penalty; nullopt: failed.
 std::optional<Adjustment> glance_at(const board::Board& board, AdjustedCamera start,
                                     const std::vector<BoardView>& views) {
   constexpr AdjustmentOptions quick{.max_iterations = 20, .with_covariance = false};
@@ -214,7 +211,7 @@ std::optional<Adjustment> glance_at(const board::Board& board, AdjustedCamera st
   }
 }
 
-// Fits one lens model, kept from folding inside the image. is_near: the start fits some of the views already.
+// Fits one lens model with the fold penalty. is_near: the start fits a subset of the views.
 // throws CalibrationError
 TrialFit try_lens(const board::Board& board, AdjustedCamera start, const std::vector<BoardView>& views,
                   const AdjustmentOptions& options, bool is_near) {
@@ -222,7 +219,7 @@ TrialFit try_lens(const board::Board& board, AdjustedCamera start, const std::ve
   AdjustmentOptions first = options;
   first.with_covariance = false;
   if (!is_near) start = adjust(posed(board, start, views), first).cameras.front();
-  // Again with the board poses that suit this lens.
+  // Again with the board poses for this lens.
   Adjustment fit = adjust(posed(board, start, views), options);
   const auto folds = [&] { return !is_sound(fit.cameras.front()); };
   const double free_rms = fit.rms_px;
@@ -231,15 +228,14 @@ TrialFit try_lens(const board::Board& board, AdjustedCamera start, const std::ve
     fit.cameras.front().unfold = weight;
     fit = adjust(std::move(fit), options);
   }
-  constexpr double as_well = 1.01;  // as without the constraint, but for what the last iterations leave
+  constexpr double as_well = 1.01;  // ratio to the fit without the penalty; tolerance of the solver
   LensTrial trial{start.lens, true, LensFault::none, fit.rms_px, 0, 0, {}};
   trial.left_out = corners_in(fit.views) - fit.corners_used;
   trial.fault = folds() ? LensFault::folds : fit.rms_px > as_well * free_rms ? LensFault::fits_folded : LensFault::none;
   return {trial, std::move(fit)};
 }
 
-// Robust sum of squares over all `corners` of the views that were given, used or not: those too of views that are not
-// among the fitted ones, because this lens allows no pose of the board there.
+// Robust sum of squares over all `corners` of all given views, also of those without a board pose for this lens.
 double all_corners(const Adjustment& fitted, double sigma, int corners) {
   double squares = (corners - corners_in(fitted.views)) * robust_square(gross_sigmas * sigma, sigma);
   for (const ViewFit& fit : fitted.fits) {
@@ -248,8 +244,7 @@ double all_corners(const Adjustment& fitted, double sigma, int corners) {
   return squares;
 }
 
-// The same, a mean for each of the `views` that were given, without the tenth of them that leaves most: of few views
-// one whose board was taken for its mirrored twin, or that allows no pose, would decide for all.
+// The same as a mean over the `views`, without the worst tenth: a single mirrored or failed pose must not decide.
 double without_worst_views(const Adjustment& fitted, double sigma, std::size_t views) {
   constexpr double share = 0.9;
   std::vector<double> left(views - fitted.views.size(), robust_square(gross_sigmas * sigma, sigma));
@@ -263,7 +258,7 @@ double without_worst_views(const Adjustment& fitted, double sigma, std::size_t v
   return sum(left);
 }
 
-// The fit that leaves the least over all corners, of the trials that are possible; their count: none is.
+// Index of the possible trial with the least residuals over all corners; trials.size(): none.
 std::size_t closest_fit(const std::vector<LensTrial>& trials, const std::vector<Adjustment>& fits, double sigma,
                         int corners) {
   std::size_t best = fits.size();
@@ -286,8 +281,8 @@ struct TrialInput {
   const AdjustmentOptions& options;
 };
 
-// From what fits the views best so far; from nothing; and, where the lens was asked for and neither leads anywhere,
-// from another model. LensFault::unsolved: nothing did.
+// Starts from the best fit so far, from the initial lens, and, for a requested model, from another model.
+// LensFault::unsolved: all failed.
 TrialFit try_from_all_starts(const TrialInput& in, LensModel lens, const std::vector<Adjustment>& fits,
                              const std::vector<LensTrial>& trials, const AdjustedCamera* glanced) {
   TrialFit tried;
@@ -311,7 +306,7 @@ TrialFit try_from_all_starts(const TrialInput& in, LensModel lens, const std::ve
   if (lens == LensModel::fisheye && glanced == nullptr)
     try_start([&] { return find_start(in.board, empty, in.views); });
   if (!fits.empty()) {
-    // Another pinhole's coefficients, or the lens that is nearest to the closest of those before.
+    // Coefficients of another pinhole, or the nearest lens to the best model so far.
     const std::size_t closest = closest_fit(trials, fits, sigma_of(trials, fits), corners_in(in.views));
     if (closest < fits.size()) try_start([&] { return start_like(fits[closest].cameras.front(), lens); });
   }
@@ -330,7 +325,7 @@ TrialFit try_from_all_starts(const TrialInput& in, LensModel lens, const std::ve
   return tried;
 }
 
-// From the closest of the models before, or from nothing. trials: as many as fits, or more. nullopt: it leads nowhere.
+// From the best model so far, or the initial lens. trials: as many as fits, or more. nullopt: failed.
 std::optional<Adjustment> first_glance(const board::Board& board, const AdjustedCamera& camera, LensModel lens,
                                        const std::vector<BoardView>& views, const std::vector<LensTrial>& trials,
                                        const std::vector<Adjustment>& fits) {
@@ -351,7 +346,7 @@ std::optional<Adjustment> first_glance(const board::Board& board, const Adjusted
   return glance_at(board, start, views);
 }
 
-// By more than a standard error of the sum of the views' differences. errors: beside one another.
+// By more than one standard error of the sum of the views' differences.
 bool is_clearly_worse(const std::vector<double>& errors, const std::vector<double>& than) {
   const auto n = static_cast<double>(errors.size());
   const double mean = (sum(errors) - sum(than)) / n;
@@ -360,12 +355,12 @@ bool is_clearly_worse(const std::vector<double>& errors, const std::vector<doubl
   return !(n * mean < std::sqrt(squares * n / (n - 1)));
 }
 
-using TellLens = std::function<void(const char* step, LensModel lens)>;
+using ReportLens = std::function<void(const char* step, LensModel lens)>;
 
-// Chooses among the trials by cross-validation, on the corners that the closest model calls good: a model that is too
-// simple must not hide behind calling the image's corners outliers. Sets choice, chosen, best, compared_views.
+// Model selection by cross-validation, on the inliers of the best-fitting model: a model that is too simple must not
+// benefit from rejecting the image's corners. Sets choice, chosen, best, compared_views.
 void choose_lens(Intrinsics& result, const board::Board& board, const std::string& camera,
-                 const std::vector<Adjustment>& fits, int corners, const TellLens& tell) {
+                 const std::vector<Adjustment>& fits, int corners, const ReportLens& report_progress) {
   std::vector<LensTrial>& trials = result.trials;
   const double sigma = sigma_of(trials, fits);
   const std::size_t closest = closest_fit(trials, fits, sigma, corners);
@@ -382,8 +377,8 @@ void choose_lens(Intrinsics& result, const board::Board& board, const std::strin
   std::vector<std::vector<double>> errors(fits.size());
   std::size_t best = fits.size();
   for (std::size_t i = 0; i < fits.size(); ++i) {
-    tell("trying views that it was not fitted to: ", trials[i].lens);
-    // A model that leaves twice as much where it was fitted predicts nothing better.
+    report_progress("cross-validating ", trials[i].lens);
+    // A model with twice the residuals of the fit cannot predict better.
     constexpr double hopeless = 2;
     if (!trials[i].possible ||
         all_corners(fits[i], sigma, corners) > hopeless * all_corners(fits[closest], sigma, corners))
@@ -401,9 +396,8 @@ void choose_lens(Intrinsics& result, const board::Board& board, const std::strin
   }
   if (best == fits.size())
     throw CalibrationError("camera " + camera + ": no lens model can be fitted to four fifths of the views");
-  // The simplest model that predicts as well, and fits as well: few views reach the image's edge, and what they say is
-  // soon within the chance of a prediction, while in the fit of all corners it shows (by Schwarz's criterion, BIC). The
-  // richest model is held by what is believed of it, and does no harm.
+  // The simplest model with equal prediction and equal fit by BIC: few views reach the image's edge, where prediction
+  // errors are not significant but the fit of all corners is. The richest model is regularised.
   const auto fits_as_well = [&](std::size_t i, std::size_t as) {
     const double excess =
         (all_corners(fits[i], sigma, corners) - all_corners(fits[as], sigma, corners)) / (sigma * sigma);
@@ -412,7 +406,7 @@ void choose_lens(Intrinsics& result, const board::Board& board, const std::strin
   };
   result.chosen = result.best = best;
   const auto name_rival = [&] {
-    constexpr double nearly = 1.01;  // as close a fit
+    constexpr double nearly = 1.01;  // ratio of residuals
     double least = std::numeric_limits<double>::infinity();
     for (std::size_t i = 0; i < fits.size(); ++i) {
       if (i == result.chosen || errors[i].empty()) continue;
@@ -445,7 +439,7 @@ AdjustedCamera start_like(const AdjustedCamera& fitted, LensModel lens) {
   AdjustedCamera start = fitted;
   start.lens = lens;
   start.unfold = 0;
-  // Of one with more coefficients, those that are left are another lens.
+  // Truncated coefficients are another lens.
   const bool holds_all = parameter_count(lens) >= parameter_count(fitted.lens);
   if (is_pinhole(fitted.lens) && is_pinhole(lens) && holds_all) return start;
   LensParameters plain = LensParameters::Zero();
@@ -501,7 +495,7 @@ Intrinsics calibrate_intrinsics(const board::Board& board, const std::string& na
   const bool is_only = candidates.size() == 1;
 
   int done = 0;
-  const TellLens tell = [&](const char* step, LensModel lens) {
+  const ReportLens report_progress = [&](const char* step, LensModel lens) {
     if (options.progress) {
       options.progress(step + std::string(solver::name(lens)), done, static_cast<int>(3 * candidates.size()));
     }
@@ -513,13 +507,13 @@ Intrinsics calibrate_intrinsics(const board::Board& board, const std::string& na
   AdjustedCamera camera;
   camera.name = name;
   camera.image_size = image_size;
-  // Most lenses of a kind are hopeless at a glance: only the others are worth the whole of the views.
+  // A subset of the views rejects most models.
   std::vector<LensTrial> glances;
   std::vector<Adjustment> glanced;
   constexpr std::size_t some_views = 24;
   const std::vector<BoardView> some = spread_over(views, some_views);
   for (const LensModel lens : candidates) {
-    tell("looking at ", lens);
+    report_progress("screening ", lens);
     glances.emplace_back();
     glances.back().lens = lens;
     const auto fit = is_only ? std::nullopt : first_glance(board, camera, lens, some, glances, glanced);
@@ -541,7 +535,7 @@ Intrinsics calibrate_intrinsics(const board::Board& board, const std::string& na
   const TrialInput input{board, camera, views, options.adjustment};
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     const LensModel lens = candidates[i];
-    tell("fitting ", lens);
+    report_progress("fitting ", lens);
     TrialFit tried;
     if (!is_only && glances[i].possible && is_far_off(glanced[i])) {
       tried.trial = glances[i];
@@ -555,7 +549,7 @@ Intrinsics calibrate_intrinsics(const board::Board& board, const std::string& na
     tried.trial.possible =
         tried.trial.fault == LensFault::none || (is_only && tried.trial.fault != LensFault::unsolved);
     if (is_only && !tried.trial.possible) {
-      // What the adjustment said, a reason of its own, is in brackets.
+      // The adjustment's own reason in brackets.
       std::vector<Reason> why =
           after("camera " + name + ": " + std::string(solver::name(lens)) + " cannot be fitted to its views (",
                 tried.trial.error);
@@ -565,32 +559,29 @@ Intrinsics calibrate_intrinsics(const board::Board& board, const std::string& na
     result.trials.push_back(tried.trial);
     fits.push_back(std::move(tried.fit));
   }
-  if (!options.lens) choose_lens(result, board, name, fits, corners_in(views), tell);
+  if (!options.lens) choose_lens(result, board, name, fits, corners_in(views), report_progress);
   result.adjustment = std::move(fits[result.chosen]);
   return result;
 }
 
 namespace {
 
-// By how many of its own uncertainties a lens has to differ from a given one, over the image, to take its place; and
-// where boards move before rows that are read one after the other, which bends a lens by what no scatter shows.
+// Difference from a given lens, in standard deviations over the image, at which a fitted one contradicts it; and where
+// boards move before a rolling shutter, whose effect is systematic.
 constexpr double clearly_other = 3, clearly_other_moving = 10;
 
-// A lens that leaves so much more than another one is no lens of this camera, wherever the views are. In pixels, too: a
-// fit to corners without noise leaves next to nothing, and any lens many times that.
+// Residuals over another model's at which a model is rejected; and absolute, for corners without noise.
 bool is_hopeless(double given_px, double refined_px) {
   constexpr double hopeless_px = 2, hopeless_share = 5;
   return given_px > hopeless_px && given_px > hopeless_share * refined_px;
 }
 
-// A given lens is contradicted when it leaves so much more than the refined one, which always leaves a little less, as
-// it was fitted to these very views. A tenth of a pixel is no reason to throw away a lens that was calibrated with more
-// views than these.
+// A given lens is contradicted by residuals so much larger than those of the lens fitted to these views; 0.1 px is not
+// enough, as the given one usually rests on more views.
 constexpr double clearly_more = 1.3, little_px = 0.1;
-// Or when it makes outliers of corners that the refined one uses: then what is left of them fits either.
+// Or by corners that only the fitted lens accepts.
 constexpr double most_corners = 0.8;
-// Or when its focal length is another one, as of a lens that was zoomed or focused: by less no point is off that
-// matters.
+// Or by its focal length (zoomed or refocused).
 constexpr double zoomed_by = 0.01, zoomed_sigmas = 4;
 
 }  // namespace
@@ -624,7 +615,7 @@ LensCheck check_lens(const board::Board& board, const AdjustedCamera& camera, co
   if (!found) return check;
   const RayUncertainty rays = ray_uncertainty(check.refined, 0);
   found->covered = static_cast<double>(std::ranges::count(rays.covered, true)) / ImageStations::count;
-  const double bar = tell_motion(views) ? clearly_other_moving : clearly_other;
+  const double bar = determine_motion(views) ? clearly_other_moving : clearly_other;
   const double differs_px = difference(camera, check.refined.cameras.front(), rays.covered).image_px;
   const bool is_better_known = differs_px > bar * rays.image_px;
   (is_better_known || is_hopeless(found->given_px, refined_px) ? check.contradiction : check.too_little) = found;

@@ -1,4 +1,4 @@
-// One camera's lens from views of a board.
+// Lens of one camera from views of a board.
 #pragma once
 
 #include <cstddef>
@@ -12,94 +12,90 @@
 namespace huetrack::solver {
 
 struct IntrinsicsOptions {
-  // The lens model to use; nullopt: the simplest one that the views support.
+  // nullopt: the simplest model that the views support.
   std::optional<LensModel> lens{};
   int min_views = 4;  // >= 3
   AdjustmentOptions adjustment{};
   Progress progress{};
 };
 
-// What is wrong with a lens as it was fitted.
 enum class LensFault {
   none,
-  folds,        // its distortion turns back on itself, or has a pole, inside the image
-  fits_folded,  // only so does it fit the views: kept from folding it does not
-  far_off,      // on some of the views it leaves far more than another model: it was not tried any further
+  folds,        // distortion not monotonic, or with a pole, inside the image
+  fits_folded,  // fits only when it folds
+  far_off,      // far larger residuals than another model on a subset of the views; not tried further
   unsolved,     // the adjustment failed
 };
 
-// How well one lens model does.
 struct LensTrial {
   LensModel lens = LensModel::radtan4;
-  bool possible = true;  // false: for its fault it cannot be chosen
+  bool possible = true;  // false: cannot be chosen, see fault
   LensFault fault = LensFault::none;
-  double rms_px = 0;  // of the corners that it was fitted to
-  int left_out = 0;   // corners that do not fit it, and were not used
-  // Of views that it was not fitted to (cross-validation over the views), wherever in the image their corners are: only
-  // those that no model fits are left out, and every part of the image counts the same. Robustly: a corner that is off
-  // by more than three standard deviations counts linearly. 0: not tried
+  double rms_px = 0;  // of the corners it was fitted to
+  int left_out = 0;   // outliers
+
+  // Cross-validation over the views: robust rms of held-out views (linear beyond 3 sigma), every part of the image with
+  // the same weight; without corners that no model fits. 0: not tried.
   double held_out_px = 0;
-  std::vector<Reason> error;  // LensFault::unsolved: what the adjustment said
+  std::vector<Reason> error;  // LensFault::unsolved: of the adjustment
 };
 
-// What is wrong with it; empty: LensFault::none.
+// In words; empty: LensFault::none.
 std::vector<Reason> reasons_of(const LensTrial& trial);
 
-// Why a lens model was taken.
+// Why a lens model was chosen.
 enum class LensChoice {
   asked_for,
-  too_few_views,  // to tell models apart: the simplest one that is possible
-  best,           // it predicts views that it was not fitted to best
-  simpler,        // it predicts them as well as the best one, and is simpler
-  closer,         // it predicts them as well as the best one, and fits all corners better
-  together,       // it fits what all cameras saw better than what this camera's own views spoke for (`alone`)
+  too_few_views,  // for cross-validation: the simplest possible one
+  best,           // best cross-validation
+  simpler,        // as good as the best in cross-validation, and simpler
+  closer,         // as good as the best in cross-validation, and fits all corners better
+  together,       // fits all cameras' views better than this camera's own choice (`alone`)
 };
 
 struct Intrinsics {
-  Adjustment adjustment;          // with one camera, which is the world
-  std::vector<LensTrial> trials;  // those that were tried
+  Adjustment adjustment;  // of one camera, which is the world
+  std::vector<LensTrial> trials;
   LensChoice choice = LensChoice::asked_for;
-  std::size_t chosen = 0, best = 0;  // of trials; best: at views that it was not fitted to
-  // Of trials: beside the chosen one these views speak for it most: it fits them nearly as closely, or predicts best.
-  // Other cameras' views may tell the two apart. nullopt: none does.
+  std::size_t chosen = 0, best = 0;  // of trials; best: in cross-validation
+  // Runner-up of trials: fits nearly as closely, or predicts best; other cameras' views may decide. nullopt: none.
   std::optional<std::size_t> rival;
-  std::size_t alone = 0;           // LensChoice::together: of trials, what was chosen before
-  std::size_t compared_views = 0;  // that models were, or were to be, told apart by; asked_for: 0
+  std::size_t alone = 0;           // LensChoice::together: of trials, the former choice
+  std::size_t compared_views = 0;  // for cross-validation; asked_for: 0
 };
 
-// views: of this camera (BoardView::camera 0), every one in its own set. start: nullopt: found from the views.
-// throws CalibrationError: too few views, or views that do not determine a lens (all fronto-parallel, say).
+// views: of this camera (BoardView::camera 0), each in its own set. throws CalibrationError: too few views, or views
+// that do not determine a lens (all fronto-parallel, for instance).
 Intrinsics calibrate_intrinsics(const board::Board& board, const std::string& camera, calib::ImageSize image_size,
                                 const std::vector<BoardView>& views, const IntrinsicsOptions& options = {});
 
-// What a camera's own views say against a lens that was known before.
+// Evidence of a camera's own views against its given lens.
 struct LensContradiction {
-  bool is_by_focal_length = false;          // otherwise by how the lens fits
-  double given_px = 0, refined_px = 0;      // by the fit: what the given lens leaves, and one fitted to the views
-  double focal_px = 0, focal_sigma_px = 0;  // by the focal length (fx): as these views say, and
-  double given_focal_px = 0;                // as it was given
-  double covered = 0;                       // share of the image that the views cover
+  bool is_by_focal_length = false;          // otherwise by the residuals
+  double given_px = 0, refined_px = 0;      // rms of the given lens, and of one fitted to the views
+  double focal_px = 0, focal_sigma_px = 0;  // fx of the fitted lens
+  double given_focal_px = 0;
+  double covered = 0;  // share of the image
 };
 
-// Whether a camera's own views bear out a lens that was known before. It takes no other camera, so it holds for cameras
-// that are not in step. A lens that was given was found from more views than these, and all over its image: one that is
-// fitted here takes its place only if it is better known, over the whole image, than the two differ; and where the
-// board moves before a camera that reads its rows one after the other, by much: those views bend any lens.
+// Tests a given lens with its camera's own views; synchronisation does not matter. A given lens usually rests on more
+// views: a fitted one contradicts it only if the two differ by more than its own uncertainty over the whole image, and
+// by a multiple of it where a board moves before a rolling shutter, which bends any fitted lens.
 struct LensCheck {
-  std::optional<LensContradiction> contradiction;  // nullopt: they bear it out, or cannot tell a better one
-  // They fit another lens better, but leave more open of it than it differs from the given one: which stays.
+  std::optional<LensContradiction> contradiction;  // nullopt: consistent, or not significant
+  // Another lens fits better, but differs by less than its uncertainty: the given one is kept.
   std::optional<LensContradiction> too_little;
-  Adjustment refined;  // with a lens that is fitted to the views, of the same model
+  Adjustment refined;  // the fitted lens, same model
 };
 LensCheck check_lens(const board::Board& board, const AdjustedCamera& camera, const std::vector<BoardView>& views);
 
-// The lens of another model that is nearest to this camera's.
+// Nearest lens of another model.
 AdjustedCamera start_like(const AdjustedCamera& fitted, LensModel lens);
 
-// Whether a lens is one as it stands: it covers its whole image, and hides no pole.
+// Whether a lens covers its whole image, without a hidden pole.
 bool is_sound(const AdjustedCamera& camera);
 
-// Whether a lens covers its whole image: every pixel at the image's border has a ray.
+// Whether every pixel at the image's border has a ray.
 bool covers_image(const calib::CameraModel& model, calib::ImageSize size);
 
 }  // namespace huetrack::solver

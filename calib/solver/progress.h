@@ -1,4 +1,4 @@
-// How far a long piece of work is.
+// Progress of long computations.
 #pragma once
 
 #include <functional>
@@ -6,8 +6,7 @@
 
 namespace huetrack::solver {
 
-// Told while it is done, always from one thread at a time: which step, and how many of its parts are done; total 0:
-// not known. May be empty; then nobody is told.
+// Called during the work, by one thread at a time: step, finished parts, all parts (0: not known). May be empty.
 using Progress = std::function<void(const std::string& step, int done, int total)>;
 
 }  // namespace huetrack::solver

@@ -24,13 +24,13 @@ Vector2d station_px(std::size_t station, calib::ImageSize size) {
           (static_cast<double>(row) + 0.5) / ImageStations::rows * size.height - 0.5};
 }
 
-// Where no board was the lens is a guess: it must not decide how the camera is turned.
+// Uncovered parts of the lens are extrapolated: they must not decide the rotation.
 double weight_of(bool covered) {
   constexpr double uncovered = 1e-3;
   return covered ? 1 : uncovered;
 }
 
-// How a station's pixel moves by the lens's parameters, and by a turn of the camera. nullopt: nothing is seen there.
+// Derivatives of a station's pixel. nullopt: outside of the lens model.
 struct Station {
   MatrixXd by_lens;  // 2 x parameter_count()
   Eigen::Matrix<double, 2, 3> by_turn;
@@ -44,7 +44,7 @@ std::optional<Station> station_of(const AdjustedCamera& camera, const calib::Cam
   return Station{by_lens.leftCols(parameter_count(camera.lens)), -by_point * calib::cross_matrix(*ray)};
 }
 
-// 3 x parameter_count(): the turn that is nearest to an error of the lens.
+// See turn_by_lens().
 Eigen::Matrix3Xd nearest_turn(const std::vector<std::optional<Station>>& stations, const Stations& covered, int count) {
   Matrix3d normal = 1e-12 * Matrix3d::Identity();
   Eigen::Matrix3Xd moment = Eigen::Matrix3Xd::Zero(3, count);

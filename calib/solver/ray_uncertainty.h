@@ -1,8 +1,6 @@
-// How well a lens tells where a pixel looks, place by place (Tal, Kogan: mrcal, "projection uncertainty").
-//
-// A focal length, a principal point and a decentring that are each uncertain say little: they make up for one another,
-// and for a turn of the whole camera, so that pixels look where they do all the same. What counts is by how much a
-// pixel's ray is off after the best turn of the camera, which is no error of the lens: in pixels.
+// Projection uncertainty of a lens over the image (mrcal: "projection uncertainty", Kogan). Lens parameters are
+// strongly correlated with one another and with the camera's rotation; what counts is the error of a pixel's ray after
+// the best rotation of the camera, in pixels.
 #pragma once
 
 #include <Eigen/Core>
@@ -13,7 +11,7 @@
 
 namespace huetrack::solver {
 
-// Stations all over an image, at the middles of columns x rows cells, row by row.
+// Sample points at the middles of columns x rows cells, row by row.
 struct ImageStations {
   static constexpr int columns = 8, rows = 6, count = columns * rows;
   static int cell_of(const Eigen::Vector2d& px, calib::ImageSize size);
@@ -21,24 +19,23 @@ struct ImageStations {
 
 struct RayUncertainty {
   std::array<double, ImageStations::count> sigma_px{};  // length of both axes' standard deviations
-  std::array<bool, ImageStations::count> covered{};     // used corners were in the cell
-  double covered_px = 0;                                // of those, that 95 % are below
-  double image_px = 0;                                  // of all stations: their root mean square
+  std::array<bool, ImageStations::count> covered{};     // cell with used corners
+  double covered_px = 0;                                // 95 % quantile over covered cells
+  double image_px = 0;                                  // rms over all stations
 };
 
-// Of the camera's lens, by the covariance of the adjustment. All zero: its lens is exactly known.
+// By the covariance of the adjustment. All zero: the lens is exact.
 RayUncertainty ray_uncertainty(const Adjustment& calibrated, int camera);
 
-// By how much two lenses of one camera differ, px: root mean square over all stations, and over those of `covered`
-// alone; the turn that makes them alike where `covered` is taken away.
+// rms difference of two lenses of one camera, px, over all stations and over `covered` ones, after the rotation that
+// aligns them best where `covered`.
 struct LensDifference {
   double image_px = 0, covered_px = 0;
 };
 LensDifference difference(const AdjustedCamera& a, const AdjustedCamera& b,
                           const std::array<bool, ImageStations::count>& covered);
 
-// The turn of the camera (about its own axes) that an error of its lens looks like, per unit of its parameters: 3 x
-// parameter_count().
+// Best rotation (camera axes) for an error of the lens, per unit of its parameters: 3 x parameter_count().
 Eigen::Matrix3Xd turn_by_lens(const AdjustedCamera& camera, const std::array<bool, ImageStations::count>& covered);
 
 std::array<bool, ImageStations::count> covered_stations(const Adjustment& adjustment, int camera);

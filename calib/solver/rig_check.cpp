@@ -16,14 +16,14 @@ namespace {
 
 using calib::index;
 
-// A solution counts as good as the best one when its rms is at most this much larger.
+// A solution is as good as the best one if its rms is at most so much larger.
 constexpr double as_good = 1.15, as_good_px = 0.03;
 
 bool is_as_good(double rms, double best) {
   return rms <= as_good * best + as_good_px;
 }
 
-// The views of sets that two or more cameras have.
+// Views of sets that two or more cameras saw.
 std::vector<BoardView> shared(const std::vector<BoardView>& views) {
   std::map<int, std::set<int>> cameras;
   for (const BoardView& view : views) cameras[view.set].insert(view.camera);
@@ -58,9 +58,7 @@ MovedCamera movement(const Adjustment& a, const calib::CameraRig& rig, int c) {
   return moved;
 }
 
-// By how much all distances between cameras would have to be longer for the rig to fit, if that is all that is wrong:
-// the board's squares are not as large as those that the rig was made with, or the rig was scaled. nullopt: it is not
-// that.
+// Scale of the rig that alone makes it fit (another board's squares, or a scaled rig). nullopt: none does.
 std::optional<double> other_scale(const board::Board& board, const calib::CameraRig& rig,
                                   const std::vector<BoardView>& views, const Adjustment& best,
                                   const std::set<int>& seen, double best_px) {
@@ -84,13 +82,11 @@ std::optional<double> other_scale(const board::Board& board, const calib::Camera
   return is_as_good(fit.rms_px, best_px) ? std::optional(scale) : std::nullopt;
 }
 
-// Two cameras of the rig whose names are swapped in the pictures: then everything fits. as_is_px: with the names as
-// they are.
+// Two cameras whose exchanged names make the rig fit. as_is_px: rms with the names as they are.
 std::optional<std::pair<int, int>> swapped_names(const board::Board& board, const calib::CameraRig& rig,
                                                  const std::vector<BoardView>& views, const std::set<int>& seen,
                                                  double as_is_px) {
-  // Under a wrong name a camera stands metres away from where it should, so that its right one makes all the
-  // difference. Corners that do not fit are left out, and so most of them have to be used for that to be one.
+  // Under a wrong name a camera is metres off. Most corners must be inliers.
   constexpr double of_as_is = 0.25, most_corners = 0.7;
   for (const int a : seen) {
     for (const int b : seen) {
@@ -101,7 +97,7 @@ std::optional<std::pair<int, int>> swapped_names(const board::Board& board, cons
         const Adjustment fit = adjust(with_free(place_boards(board, rig, renamed), {}), {.with_covariance = false});
         const bool fits_most = fit.corners_used > most_corners * corner_count(views);
         if (fit.rms_px < of_as_is * as_is_px && fits_most) return std::pair(a, b);
-      } catch (const CalibrationError&) {  // then they are not swapped
+      } catch (const CalibrationError&) {  // not swapped
       }
     }
   }
@@ -116,14 +112,14 @@ std::vector<std::pair<int, bool>> trials_of_mirrors(const std::set<int>& cameras
   return trials;
 }
 
-// A camera whose pictures, mirrored, fit those of the others: then so does the rig. Only a chessboard is found in
-// mirrored pictures at all, counted from its other side.
+// A camera whose mirrored images make the rig fit. Only chessboards are detected in mirrored images, numbered from the
+// other side.
 std::optional<int> mirrored_pictures(const board::Board& board, const calib::CameraRig& rig,
                                      const std::vector<BoardView>& views, const std::set<int>& seen,
                                      const Adjustment& best) {
-  // The back of a chessboard looks as its front does in a mirrored picture.
+  // The back of a chessboard looks like its mirrored front.
   if (board.type != board::BoardType::chessboard || board.back) return std::nullopt;
-  // Counted from its other side: by its columns or by its rows, as the colours of its squares have it.
+  // Numbered from the other side along columns or rows, depending on the colours of the squares.
   for (const auto& [c, by_rows] : trials_of_mirrors(seen)) {
     std::vector<BoardView> turned = views;
     for (BoardView& view : turned) {
@@ -138,18 +134,18 @@ std::optional<int> mirrored_pictures(const board::Board& board, const calib::Cam
     }
     try {
       const Adjustment fit = adjust(with_free(place_boards(board, rig, turned), {}), {.with_covariance = false});
-      // Where nothing fits no corner is an outlier: it has to fit, too.
+      // Where nothing fits, no corner is an outlier: the rms must be small, too.
       constexpr double most_corners = 0.7, well_px = 2;
       const bool fits_most = fit.corners_used > most_corners * corner_count(views) && fit.rms_px < well_px;
       if (fits_most && fit.corners_used > best.corners_used) return c;
-    } catch (const CalibrationError&) {  // then they are not mirrored
+    } catch (const CalibrationError&) {  // not mirrored
     }
   }
   return std::nullopt;
 }
 
-// Who moved: camera by camera the one that explains most, until the rest fits. cost: the rms with these free.
-// start: with the boards placed for the rig as it is. Sets moved, or_else and with_moved_px.
+// Moved cameras by greedy selection, until the rest fits. cost: rms with these free.
+// start: with the boards placed for the rig as it is. Sets moved, alternatives and with_moved_px.
 void find_moved(RigCheck& check, const calib::CameraRig& rig, const Adjustment& start, const std::set<int>& seen,
                 const std::function<double(const std::set<int>&)>& cost) {
   std::set<int> moved;
@@ -164,7 +160,7 @@ void find_moved(RigCheck& check, const calib::CameraRig& rig, const Adjustment& 
     }
     std::ranges::sort(trials);
     for (std::size_t t = 1; moved.empty() && t < trials.size(); ++t) {
-      if (is_as_good(trials[t].first, trials.front().first)) check.or_else.push_back(trials[t].second);
+      if (is_as_good(trials[t].first, trials.front().first)) check.alternatives.push_back(trials[t].second);
     }
     check.with_moved_px = trials.front().first;
     moved.insert(trials.front().second);
@@ -174,7 +170,7 @@ void find_moved(RigCheck& check, const calib::CameraRig& rig, const Adjustment& 
   for (const int c : moved) check.moved.push_back(movement(found, rig, c));
 }
 
-// nullopt: its own views bear the lens out.
+// nullopt: consistent with its own views.
 std::optional<LensContradiction> against_lens(const board::Board& board, const calib::Camera& camera,
                                               const std::vector<BoardView>& own) {
   AdjustedCamera lens;
@@ -189,9 +185,8 @@ std::optional<LensContradiction> against_lens(const board::Board& board, const c
 
 RigCheck check_rig(const board::Board& board, const calib::CameraRig& rig, const std::vector<BoardView>& given,
                    const Progress& progress) {
-  // Three adjustments, as many as there are cameras if one has moved, and the lenses.
   int done = 0;
-  const auto tell = [&](const std::string& step) {
+  const auto report_progress = [&](const std::string& step) {
     if (progress) progress(step, done, 4 + 2 * static_cast<int>(rig.cameras.size()));
     ++done;
   };
@@ -204,16 +199,16 @@ RigCheck check_rig(const board::Board& board, const calib::CameraRig& rig, const
   for (const BoardView& view : views) seen.insert(view.camera);
   if (seen.size() < 2) {
     throw CalibrationError(
-        "no two cameras of the rig saw the board at the same time: nothing tells how they stand to each other");
+        "no two cameras of the rig saw the board at the same time, so that no relative pose can be checked");
   }
   std::set<int> all_free = seen;
   all_free.erase(*seen.begin());
-  // What the cameras could do at best; and which corners are no good whatever the cameras' poses.
-  tell("what the cameras could do at best");
+  // Best possible residuals, and outliers whatever the poses.
+  report_progress("all poses free");
   const Adjustment best = adjust(with_free(place_boards(board, rig, views), all_free));
   constexpr double usual_share = 0.8;
   if (best.corners_used < usual_share * corner_count(views)) {
-    tell("whose pictures are mirrored");
+    report_progress("mirrored images");
     check.mirrored = mirrored_pictures(board, rig, views, seen, best);
     if (check.mirrored) return check;
   }
@@ -222,7 +217,7 @@ RigCheck check_rig(const board::Board& board, const calib::CameraRig& rig, const
   if (views.empty()) throw CalibrationError("the views of the board contradict the rig altogether", Fault::other_rig);
   const Adjustment start = place_boards(board, rig, views);
   const auto fit = [&](const std::set<int>& free) {
-    tell(free.empty() ? "the rig as it is" : "who moved");
+    report_progress(free.empty() ? "the rig as it is" : "moved cameras");
     return adjust(with_free(start, free), {.find_outliers = false, .with_covariance = false});
   };
   check.best_px = fit(all_free).rms_px;
@@ -236,7 +231,7 @@ RigCheck check_rig(const board::Board& board, const calib::CameraRig& rig, const
   }
   constexpr double far_off_px = 3;  // nearly always more than a bump
   if (check.as_is_px > far_off_px) {
-    tell("whose names are swapped");
+    report_progress("swapped names");
     check.swapped = swapped_names(board, rig, shared(given), seen, check.as_is_px);
     if (check.swapped) return check;
   }
@@ -249,7 +244,7 @@ RigCheck check_rig(const board::Board& board, const calib::CameraRig& rig, const
     std::ranges::copy_if(given, std::back_inserter(own),
                          [&](const BoardView& view) { return view.camera == static_cast<int>(c); });
     if (own.size() < enough_for_lens) continue;
-    tell("the lens of " + rig.cameras[c].name);
+    report_progress("the lens of " + rig.cameras[c].name);
     check.lenses[c] = against_lens(board, rig.cameras[c], own);
   }
   return check;

@@ -1,5 +1,5 @@
-// What the cameras of a rig see now, against what the rig says: who moved, by how much. Facts; what they are worth is
-// said in calib/report/rig_check_report.h.
+// Compares new board views with a rig: which cameras moved, and by how much. Facts; calib/report/rig_check_report.h
+// judges them.
 #pragma once
 
 #include <optional>
@@ -17,32 +17,30 @@ struct MovedCamera {
   int camera = 0;
   double moved_m = 0, moved_sigma_m = 0;  // of its centre
   double turned_rad = 0, turned_sigma_rad = 0;
-  calib::Rigid3d cam_from_world;  // where it stands now
-  // Of that, as calib::RigUncertainty has a pose's, the other cameras being where the rig says.
+  calib::Rigid3d cam_from_world;  // new pose
+  // Of the new pose, as in calib::RigUncertainty, given the other cameras' poses.
   calib::Covariance6d covariance = calib::Covariance6d::Zero();
 };
 
 struct RigCheck {
-  // With fewer shared views than these a camera is not judged, nor its lens.
+  // Shared views that are needed to judge a camera and its lens.
   static constexpr int enough_views = 4;
 
-  // Of the corners of shared views, per camera; pixels.
+  // Per camera, shared views only.
   std::vector<double> rms_px;     // with the rig as it is
-  std::vector<int> shared_views;  // with another camera: what can be judged
-  // Of all: with the rig as it is; with every camera posed anew; with those of `moved` posed anew.
+  std::vector<int> shared_views;  // with another camera
+  // All cameras: with the rig as it is; with all poses free; with those of `moved` free.
   double as_is_px = 0, best_px = 0, with_moved_px = 0;
 
-  // Either of these explains everything; then nothing more is looked for.
-  // All distances between the cameras are so many times what the rig says.
-  std::optional<double> scale;
-  std::optional<std::pair<int, int>> swapped;  // two cameras whose names are exchanged in the pictures
-  std::optional<int> mirrored;                 // a camera whose pictures are mirrored, left and right
+  // Each of these explains everything; `moved` is empty then.
+  std::optional<double> scale;                 // true distances between cameras over those of the rig
+  std::optional<std::pair<int, int>> swapped;  // two cameras whose names are exchanged
+  std::optional<int> mirrored;                 // a camera with mirrored images
 
-  std::vector<MovedCamera> moved;  // that explain it; empty: the rig fits, or it is one of the above
-  // Cameras that would explain it (nearly) as well, instead of the first of `moved`: two cameras cannot tell which of
-  // them moved.
-  std::vector<int> or_else;
-  std::vector<std::optional<LensContradiction>> lenses;  // per camera: its lens no longer fits its own views
+  std::vector<MovedCamera> moved;
+  // Cameras that would explain the views as well as the first of `moved`, as in a rig of two cameras.
+  std::vector<int> alternatives;
+  std::vector<std::optional<LensContradiction>> lenses;  // per camera: its lens no longer fits its views
 };
 
 // views: BoardView::camera indexes the rig. throws CalibrationError: too few shared views to judge any camera.

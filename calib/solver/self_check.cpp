@@ -30,11 +30,11 @@ std::vector<int> sets_of(const std::vector<BoardView>& views) {
   return {sets.begin(), sets.end()};
 }
 
-// Per set (by their numbers): whether it is of the first half.
+// Per set: whether it belongs to the first half.
 std::map<int, bool> split(const Adjustment& a, const std::vector<int>& sets, HalvesCheck::Split by) {
   std::map<int, bool> first;
   if (by == HalvesCheck::Split::in_place) {
-    // Along the direction in which the boards' places are spread most.
+    // Along the first principal axis of the boards' positions.
     Vector3d mean = Vector3d::Zero();
     for (const int set : sets) mean += a.world_from_board[index(set)].translation / static_cast<double>(sets.size());
     Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
@@ -42,14 +42,14 @@ std::map<int, bool> split(const Adjustment& a, const std::vector<int>& sets, Hal
       const Vector3d off = a.world_from_board[index(set)].translation - mean;
       spread += off * off.transpose();
     }
-    const Vector3d way = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(spread).eigenvectors().col(2);
+    const Vector3d axis = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(spread).eigenvectors().col(2);
     std::vector<double> along;
-    for (const int set : sets) along.push_back(way.dot(a.world_from_board[index(set)].translation));
+    for (const int set : sets) along.push_back(axis.dot(a.world_from_board[index(set)].translation));
     const double middle = calib::median(along);
     for (std::size_t s = 0; s < sets.size(); ++s) first[sets[s]] = along[s] < middle;
     return first;
   }
-  // Sets that follow closely upon one another tell how the board moves: pieces of four stay together.
+  // Sets close in time share a motion prior: pieces of four stay together.
   constexpr std::size_t piece = 4;
   for (std::size_t s = 0; s < sets.size(); ++s)
     first[sets[s]] = by == HalvesCheck::Split::in_time ? 2 * s < sets.size() : s / piece % 2 == 0;
@@ -80,7 +80,7 @@ std::optional<Adjustment> half_of(const Adjustment& a, const std::vector<BoardVi
   }
 }
 
-// What the views of one set say of a camera's pose, the set's board being where all its views put it.
+// Normal equations of a camera's pose from one set, with the set's board pose eliminated.
 struct PoseEquations {
   int set = 0;
   Matrix6d information = Matrix6d::Zero();
@@ -89,7 +89,7 @@ struct PoseEquations {
 
 PoseEquations pose_equations(const Adjustment& a, const BoardShape& shape, const std::vector<std::size_t>& views,
                              int camera) {
-  // A view that is further off than that shows another board, or the board in another numbering.
+  // Beyond: another board, or another numbering.
   constexpr double gross_px = 40;
   PoseEquations out;
   Matrix6d by_board = Matrix6d::Zero(), mixed = Matrix6d::Zero();
@@ -127,12 +127,12 @@ struct Sums {
   double gain() const { return gradient.dot(information.ldlt().solve(gradient)); }
 };
 
-// Where a camera's sets part best into two with a pose each: the first of the second part, and by how much that
-// explains them better: in squared pixels, and in units of what is left in sets of one part.
+// Best change point of a camera's pose: first set of the second part, gain of two poses over one in px^2, and the gain
+// over the scatter of single sets.
 struct Parting {
   std::size_t at = 0;
   double gain = 0, ratio = 0;
-  Vector6d step = Vector6d::Zero();  // from the pose before to the one after
+  Vector6d step = Vector6d::Zero();  // from the former pose to the latter
 };
 std::optional<Parting> best_parting(const std::vector<PoseEquations>& sets) {
   constexpr std::size_t least_sets = 4;
@@ -150,8 +150,7 @@ std::optional<Parting> best_parting(const std::vector<PoseEquations>& sets) {
     const double gain = before.gain() + after.gain() - together;
     if (!best || gain > best->gain) best = Parting{at, gain, 0, after.step() - before.step()};
   }
-  // What is left of each set under its part's own pose: what six numbers of one set scatter by. The middle one, so that
-  // a set that is wrong does not decide.
+  // Scatter of single sets about their part's pose; the median is robust against wrong sets.
   std::vector<double> left;
   for (const bool second : {false, true}) {
     Sums part;
@@ -179,7 +178,7 @@ std::vector<HalvesCheck> compare_halves(const Adjustment& a) {
   const WorldBox box = board_volume(a);
   using Split = HalvesCheck::Split;
   for (const Split by : {Split::in_time, Split::in_place, Split::alternating}) {
-    // Of a board that is carried, pieces of the recording have much of their courses in common, and take long.
+    // Of a moving board, neighbouring pieces share their motion, and take long.
     if (by == Split::alternating && !a.motions.empty()) continue;
     const auto is_first = split(a, sets, by);
     const auto one = half_of(a, good, is_first, true);
@@ -204,18 +203,16 @@ std::optional<MovedWithin> find_moved_within(const Adjustment& a) {
   const BoardShape shape(a.board);
   std::map<int, std::vector<std::size_t>> views_of_set;
   for (std::size_t v = 0; v < a.views.size(); ++v) views_of_set[a.views[v].set].push_back(v);
-  // Two poses of twelve numbers fit better than one of six by chance: by more than that, at the best of many places,
-  // they hardly do.
+  // Two poses fit better than one by chance, at the best of many change points by up to this much.
   constexpr double clearly = 60;
   constexpr double least_m = 0.0005, least_rad = 0.0005;
-  // The others' views contradict one that moved, so that each of them is explained better by two poses, too: the one
-  // that explains most did it.
+  // A camera that moved makes the others seem to move, too: the one with the largest gain is reported.
   std::optional<MovedWithin> moved;
   double most_gain = 0;
   for (int c = 0; c < static_cast<int>(a.cameras.size()); ++c) {
     std::vector<PoseEquations> sets;
     for (const auto& [set, views] : views_of_set) {
-      // A board that moves is elsewhere for every camera: its course would have to be weighed against the camera's.
+      // Moving boards are not used: their motion competes with the camera's.
       if (a.moves(set)) continue;
       const bool seen = std::ranges::any_of(views, [&](std::size_t v) { return a.views[v].camera == c; });
       const bool by_others = std::ranges::any_of(views, [&](std::size_t v) { return a.views[v].camera != c; });

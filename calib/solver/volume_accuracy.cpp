@@ -26,7 +26,7 @@ double quantile(std::vector<double> values, double share) {
   return values.empty() ? 0 : calib::quantile_in_place(std::span(values), share);
 }
 
-// What moves a point that two or more cameras see.
+// Derivatives of a triangulated point.
 struct Sensitivity {
   std::size_t point;                                       // index into VolumeAccuracy::points
   Eigen::Matrix<double, 3, Eigen::Dynamic> by_parameters;  // of the calibration's covariance
@@ -81,7 +81,7 @@ VolumeAccuracy grid_of(const WorldBox& box, const std::array<int, 3>& steps, dou
   return result;
 }
 
-// Sets what is said of all points.
+// Sets the figures over all points.
 void summarise(VolumeAccuracy& result) {
   std::vector<double> by_calibration, total;
   for (const PointAccuracy& point : result.points) {
@@ -97,8 +97,7 @@ void summarise(VolumeAccuracy& result) {
   result.p95_total_m = quantile(total, 0.95);
 }
 
-// Of all points that two or more cameras see, without what a rigid motion of everything would explain: that is no error
-// of shape. Sets the points' views, and the alignment.
+// Of all points with two or more views, after the best rigid alignment. Sets the points' views and the alignment.
 std::vector<Sensitivity> aligned_sensitivities(const Adjustment& a, VolumeAccuracy& result) {
   const Eigen::Index parameters = a.covariance.rows();
   std::vector<Sensitivity> seen;
@@ -188,7 +187,7 @@ std::vector<CameraPlace> next_camera_places(const calib::CameraRig& rig, const V
     lowest = std::min(lowest, centre.z());
     highest = std::max(highest, centre.z());
   }
-  // Coarse: it is places that are compared. What two cameras do not see counts as far worse than anything they see.
+  // A coarse grid suffices for a comparison. Unseen points count as far worse than seen ones.
   constexpr std::array<int, 3> coarse{7, 7, 5};
   const double unseen_m = 3 * std::max(map.p95_total_m, 0.01);
   std::vector<std::pair<double, CameraPlace>> tried;
@@ -217,7 +216,7 @@ std::vector<CameraPlace> next_camera_places(const calib::CameraRig& rig, const V
   }
   std::ranges::stable_sort(tried, {}, &std::pair<double, CameraPlace>::first);
   std::vector<CameraPlace> best;
-  const double apart = 0.5 * away;  // two places nearer to one another are one piece of advice
+  const double apart = 0.5 * away;  // least distance of two proposals
   for (const auto& [squares, place] : tried) {
     const Vector3d centre = calib::inverse(place.cam_from_world).translation;
     const bool is_near = std::ranges::any_of(best, [&](const CameraPlace& other) {
@@ -233,13 +232,13 @@ PoseSigma pose_sigma(const Adjustment& a, const VolumeAccuracy& volume, int came
   const calib::Rigid3d& cam_from_world = a.cameras[index(camera)].cam_from_world;
   const Matrix3d world_from_cam = cam_from_world.rotation.toRotationMatrix().transpose();
   const Vector3d centre = calib::inverse(cam_from_world).translation;
-  // With cam_from_world_true = exp(error) * cam_from_world the camera's axes turn, and its centre moves, the other way.
+  // cam_from_world_true = exp(error) * cam_from_world: axes and centre move with the opposite sign.
   MatrixXd by_parameters = MatrixXd::Zero(6, a.covariance.rows());
   if (const int at = a.pose_offset.empty() ? -1 : a.pose_offset[index(camera)]; at >= 0) {
     by_parameters.block<3, 3>(0, at) = -world_from_cam;
     by_parameters.block<3, 3>(3, at + 3) = -world_from_cam;
   }
-  // What a turn of the camera and its lens make up for between them is no error of where its pixels look.
+  // Correlated errors of rotation and lens that cancel in the rays do not count.
   if (const int at = a.lens_offset.empty() ? -1 : a.lens_offset[index(camera)]; at >= 0) {
     const AdjustedCamera& of = a.cameras[index(camera)];
     by_parameters.block(0, at, 3, parameter_count(of.lens)) -=
@@ -267,14 +266,14 @@ std::optional<calib::RigUncertainty> uncertainty_of(const Adjustment& a, const V
     size += cameras.back().size();
   }
   if (size == 0) return std::nullopt;
-  MatrixXd by_found = MatrixXd::Zero(size, a.covariance.rows());  // the parameters, by those of the adjustment
+  MatrixXd by_found = MatrixXd::Zero(size, a.covariance.rows());  // by the adjustment's parameters
   const Vector3d middle = (volume.box.low + volume.box.high) / 2;
   for (std::size_t c = 0; c < a.cameras.size(); ++c) {
     const int lens_count = cameras[c].lens_count, pose_at = cameras[c].pose_at();
     if (lens_count > 0) by_found.block(cameras[c].at, a.lens_offset[c], lens_count, lens_count).setIdentity();
     if (!has_poses) continue;
     if (a.pose_offset[c] >= 0) by_found.block<6, 6>(pose_at, a.pose_offset[c]).setIdentity();
-    // With the world turned and shifted back, the camera turns and shifts in its own axes: see pose_sigma().
+    // Alignment of the world, in the camera's axes: see pose_sigma().
     const calib::Rigid3d& cam_from_world = a.cameras[c].cam_from_world;
     const Matrix3d turn = cam_from_world.rotation.toRotationMatrix();
     const Vector3d arm = calib::inverse(cam_from_world).translation - middle;

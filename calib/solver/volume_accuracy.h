@@ -1,5 +1,4 @@
-// How well a calibrated rig will place a point: predicted from the covariance of the calibration, before anything is
-// tracked.
+// Predicted accuracy of triangulated points, from the covariance of a calibration.
 #pragma once
 
 #include <Eigen/Core>
@@ -19,9 +18,9 @@ struct WorldBox {
 
 struct PointAccuracy {
   Eigen::Vector3d p_world = Eigen::Vector3d::Zero();
-  int views = 0;  // cameras that see it; with fewer than two there is no figure
+  int views = 0;  // with fewer than two, the figures are 0
   // Standard deviation of the position (length of the three axes'), metres.
-  double by_calibration_m = 0;  // the shape of the space: what is left after the best rigid alignment of the volume
+  double by_calibration_m = 0;  // after the best rigid alignment of the volume
   double total_m = 0;           // with the noise of the object's centre in the images
 };
 
@@ -34,8 +33,8 @@ struct VolumeAccuracy {
   double covered = 0;  // their share
   double median_by_calibration_m = 0, p95_by_calibration_m = 0;
   double median_total_m = 0, p95_total_m = 0;
-  // The rigid motion (rotation vector about the box's middle, then translation; world) of the best alignment, by the
-  // parameters of the calibration's covariance: 6 rows. What is left when it is taken away is the error of shape.
+  // Derivative of the best alignment (rotation vector about the box's middle, translation; world; 6 rows) by the
+  // parameters of the calibration's covariance.
   Eigen::MatrixXd alignment;
 
   const PointAccuracy& at(int ix, int iy, int iz) const {
@@ -43,30 +42,29 @@ struct VolumeAccuracy {
   }
 };
 
-// calibrated: with its covariance; cameras' poses in the world that `box` is in. steps: >= 2 each.
+// calibrated: with its covariance; in the world of `box`. steps: >= 2 each.
 VolumeAccuracy predict_accuracy(const Adjustment& calibrated, const WorldBox& box, const std::array<int, 3>& steps,
                                 double object_noise_px = 0.5);
 
-// rms over the places of the volume, after the best alignment: of what an error of the parameters moves them by, and of
-// what a covariance of theirs says that it would be.
+// rms displacement of points of the volume after the best alignment: by a given error of the parameters, and as
+// predicted by a covariance.
 struct ShapeError {
   double seen_m = 0, expected_m = 0;
 };
 ShapeError shape_error(const Adjustment& calibrated, const WorldBox& box, const Eigen::VectorXd& error,
                        const Eigen::MatrixXd& covariance);
 
-// The accuracy of a rig as its file has it, with its uncertainty if it has one; its world is aligned already, so that
-// `alignment` stays empty.
+// The same for a rig file with its uncertainty, if any. `alignment` is empty: its world is aligned already.
 VolumeAccuracy predict_accuracy(const calib::CameraRig& rig, const WorldBox& box, const std::array<int, 3>& steps,
                                 double object_noise_px = 0.5);
 
-// A place from which one camera more would help, looking at the middle of the volume.
+// Pose of an additional camera that looks at the middle of the volume, and the accuracy with it.
 struct CameraPlace {
   calib::Rigid3d cam_from_world;
-  double covered = 0, median_total_m = 0, p95_total_m = 0;  // of the volume, then
+  double covered = 0, median_total_m = 0, p95_total_m = 0;
 };
-// Around the volume, as far off and as high as the cameras of the rig are, with the lens of the first of them; its pose
-// as if it were exactly known. The best first, none close to a better one. map: of this rig.
+// Candidates at the mean distance and the heights of the rig's cameras, with the first camera's lens and an exact pose.
+// Best first, well apart. map: of this rig.
 std::vector<CameraPlace> next_camera_places(const calib::CameraRig& rig, const VolumeAccuracy& map, std::size_t count);
 
 // Standard deviations of a camera's pose in the world that is aligned with the volume: position (along the world's
@@ -77,12 +75,11 @@ struct PoseSigma {
 };
 PoseSigma pose_sigma(const Adjustment& calibrated, const VolumeAccuracy& volume, int camera);
 
-// What was found of the cameras' uncertainty, in the world that is aligned with the volume (see calib::RigUncertainty
-// for why), for the rig file. nullopt: there is no covariance, or nothing is uncertain. Of a single camera it is the
-// lens.
+// Uncertainty for the rig file, in the world aligned with the volume (see calib::RigUncertainty). nullopt: no
+// covariance, or nothing is uncertain. Single camera: its lens only.
 std::optional<calib::RigUncertainty> uncertainty_of(const Adjustment& calibrated, const VolumeAccuracy& volume);
 
-// Where the board was: the box of its used corners in the world, without the outermost hundredth on every side.
+// Box of the used corners in the world, from the 1 % to the 99 % quantile on each axis.
 WorldBox board_volume(const Adjustment& calibrated);
 
 }  // namespace huetrack::solver

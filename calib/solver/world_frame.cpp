@@ -25,7 +25,7 @@ calib::Rigid3d with_axes(const Vector3d& x, const Vector3d& z, const Vector3d& o
   return {Eigen::Quaterniond(new_from_old).normalized(), -new_from_old * origin};
 }
 
-// How far the points are from lying in a line, relative to their extent.
+// Second principal extent of the points over the first.
 double breadth(const std::vector<Vector3d>& points) {
   Eigen::Matrix3Xd m(3, points.size());
   for (std::size_t k = 0; k < points.size(); ++k) m.col(static_cast<Eigen::Index>(k)) = points[k];
@@ -40,7 +40,8 @@ void require_spread(const std::vector<Vector3d>& points) {
     throw CalibrationError("three points are needed at least, there are " + std::to_string(points.size()));
   constexpr double least = 0.05;
   if (breadth(points) < least)
-    throw CalibrationError("the points lie in a line: a world can turn about it", Fault::collinear_points);
+    throw CalibrationError("the points are collinear: the rotation about their line is not determined",
+                           Fault::collinear_points);
 }
 
 }  // namespace
@@ -70,8 +71,7 @@ calib::Rigid3d upright_guess(const Adjustment& a) {
   for (const AdjustedCamera& camera : a.cameras) {
     const Matrix3d axes = camera.cam_from_world.rotation.toRotationMatrix();  // its rows are the camera's axes
     const Vector3d x = axes.row(0).transpose(), y = axes.row(1).transpose();
-    constexpr double of_columns =
-        0.001;  // tilt of the cameras is usual, roll is not; it only decides where rows do not
+    constexpr double of_columns = 0.001;  // cameras are tilted more often than rolled; decides where rows do not
     level += x * x.transpose() + of_columns * (Matrix3d::Identity() - y * y.transpose());
     down += y;
   }
@@ -86,7 +86,7 @@ calib::Rigid3d upright_guess(const Adjustment& a) {
   }
   middle /= static_cast<double>(std::max<std::size_t>(1, sets.size()));
   Vector3d forward = middle - calib::inverse(a.cameras.front().cam_from_world).translation;
-  if (forward.cross(up).norm() < 0.1 * forward.norm()) {  // it looks straight down
+  if (forward.cross(up).norm() < 0.1 * forward.norm()) {  // looks straight down
     forward = a.cameras.front().cam_from_world.rotation.conjugate() * Vector3d(0, -1, 0);
   }
   return with_axes(forward - up * up.dot(forward), up, middle);
@@ -105,7 +105,7 @@ std::optional<KeptWorld> world_of(const calib::CameraRig& before, const Adjustme
                     calib::inverse(camera.cam_from_world)});
   }
   if (both.size() < 2) return std::nullopt;
-  // As two cameras stand to one another now and then: a bumped camera is out by more, a calibration hardly.
+  // Relative poses now and then: a bumped camera differs by more, a calibration hardly.
   constexpr double as_before_share = 0.03, as_before_rad = 0.04;  // of their distance
   const auto agrees = [&](const Both& a, const Both& b) {
     const calib::Rigid3d then = calib::inverse(a.old_world) * b.old_world,
@@ -131,7 +131,7 @@ std::optional<KeptWorld> world_of(const calib::CameraRig& before, const Adjustme
     const bool stands = std::ranges::find(best, c) != best.end();
     (stands ? kept.by : kept.moved).push_back(both[c].name);
     if (!stands) continue;
-    // Its centre, and points along its axes: how it is turned counts as much as where it is.
+    // Its centre, and points along its axes, so that the rotation counts as much.
     for (const Eigen::Vector3d& p : {Eigen::Vector3d(0, 0, 0), Eigen::Vector3d(size, 0, 0), Eigen::Vector3d(0, size, 0),
                                      Eigen::Vector3d(0, 0, size)}) {
       from.push_back(both[c].new_world * p);

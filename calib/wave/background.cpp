@@ -59,7 +59,7 @@ std::optional<BackgroundImage> BackgroundSamples::of(std::size_t camera) const {
         float sum = 0;
         for (std::size_t i = from; i < to; ++i) sum += values[k][i];
         mean[static_cast<int>(k)] = sum / static_cast<float>(to - from);
-        // Half of what is normal lies between the quarters: 1.35 standard deviations.
+        // Interquartile range of a normal distribution: 1.35 sigma.
         if ((u + v) % 7 == 0) spread[k].push_back((values[k][to - 1] - values[k][from]) / 1.35f);
       }
       out.light.push_back(mean);

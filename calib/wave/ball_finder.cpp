@@ -13,7 +13,7 @@ constexpr std::size_t most_regions = 6;       // per frame
 
 }  // namespace
 
-std::optional<BallFrame> BallFinder::look(const capture::Frame& frame) {
+std::optional<BallFrame> BallFinder::detect(const capture::Frame& frame) {
   capture::FrameSet set;
   set.at = frame.captured_at;
   set.frames.resize(views_.camera_count());
@@ -28,7 +28,7 @@ std::optional<BallFrame> BallFinder::look(const capture::Frame& frame) {
   const int width = matches.width(), height = matches.height();
   BallFrame out{frame.camera, capture::seconds(frame.captured_at + frame.latency), {}, {}};
   for (const color::ColorRegion& region : finder_.find(matches, {0, 0, width - 1, height - 1}, least_area_px, 0)) {
-    // Of a region that is as wide as it appears, 2 standard deviations reach to its edge.
+    // The edge of a disc is at 2 standard deviations.
     const double reach_u = 2 * std::sqrt(region.spread(0, 0)), reach_v = 2 * std::sqrt(region.spread(1, 1));
     if (2 * std::max(reach_u, reach_v) > largest_extent_share * height) continue;
     const Eigen::Vector2d& c = region.centre;
@@ -45,7 +45,7 @@ std::optional<BallFrame> BallFinder::look(const capture::Frame& frame) {
 
 namespace {
 
-// How a small ball that is seen at this pixel looks: pixels by angle, along two directions across the ray.
+// Image of a small ball at this pixel: px per radian along two directions across the ray.
 Eigen::Matrix2d shape_at(const calib::CameraModel& model, const Eigen::Vector2d& px) {
   const auto ray = model.ray(calib::RawPixel{px});
   if (!ray) return Eigen::Matrix2d::Identity();
@@ -59,8 +59,8 @@ Eigen::Matrix2d shape_at(const calib::CameraModel& model, const Eigen::Vector2d&
 
 }  // namespace
 
-void sharpen(std::vector<BallFrame>& frames, const BackgroundSamples& background, const calib::CameraRig& rig,
-             const solver::Progress& progress) {
+void refine_outlines(std::vector<BallFrame>& frames, const BackgroundSamples& background, const calib::CameraRig& rig,
+                     const solver::Progress& progress) {
   int done = 0;
   for (std::size_t camera = 0; camera < rig.cameras.size(); ++camera) {
     const std::optional<BackgroundImage> behind = background.of(camera);
@@ -140,7 +140,7 @@ std::vector<BallFrame> one_after_the_other(std::vector<std::vector<BallFrame>> f
       to = std::max(to, frame.t_s);
     }
   }
-  constexpr double pause_s = 2;  // long enough for the path not to care
+  constexpr double pause_s = 2;  // gap of the path
   for (std::size_t ball = 0; ball < frames.size(); ++ball) {
     remove_still_regions(frames[ball], camera_count);
     for (BallFrame& frame : frames[ball]) {

@@ -1,4 +1,4 @@
-// Where the waved ball may be in every frame: its colour's regions.
+// Detects regions of the ball's colour in every frame, and refines their outlines.
 #pragma once
 
 #include <optional>
@@ -16,20 +16,19 @@ namespace huetrack::wave {
 
 // One frame of one camera.
 struct BallFrame {
-  int camera = 0;  // in the rig
-  double t_s = 0;  // the camera's stamp, smoothed: its latency and its readout are not taken out yet
-  std::vector<color::ColorRegion>
-      regions;                          // of the target's colour, largest first; not those that the image's border cuts
-  std::vector<BallPatch> patches = {};  // beside the regions, or none
+  int camera = 0;                           // of the rig
+  double t_s = 0;                           // smoothed stamp; latency and readout are not applied
+  std::vector<color::ColorRegion> regions;  // of the target's colour, largest first; none that the image's border cuts
+  std::vector<BallPatch> patches = {};      // one per region, or none
 };
 
-// Of the rig only names and image sizes matter. thread-compatible.
+// Of the rig only names and image sizes are used. thread-compatible.
 class BallFinder {
  public:
   BallFinder(const calib::CameraRig& rig, const object_tracking::TargetOptions& target) : views_(rig, target) {}
 
   // nullopt: corrupted, or of another size than the rig's (counted).
-  std::optional<BallFrame> look(const capture::Frame& frame);
+  std::optional<BallFrame> detect(const capture::Frame& frame);
 
   std::size_t unusable_frames() const { return unusable_; }
 
@@ -39,18 +38,17 @@ class BallFinder {
   std::size_t unusable_ = 0;
 };
 
-// The regions once more, against what each camera sees behind them: ten times as right where the background has things
-// of the object's hue. Lets the patches go. Of a camera with too few samples they stay as they are.
-void sharpen(std::vector<BallFrame>& frames, const BackgroundSamples& background, const calib::CameraRig& rig,
-             const solver::Progress& progress = {});
+// Fits each region's outline over its camera's background, and drops the patches. Frames of a camera must ascend in
+// time. A camera with too few background samples keeps its regions.
+void refine_outlines(std::vector<BallFrame>& frames, const BackgroundSamples& background, const calib::CameraRig& rig,
+                     const solver::Progress& progress = {});
 
-// Takes out what stays where it is: regions that are seen at the same place (to 1.5 px) in at least `share` of their
-// camera's frames. The ball may rest for a while, things of its colour rest for ever. Returns how many such places
-// there are, per camera.
+// Removes static clutter: regions at one place (to 1.5 px) in at least `share` of their camera's frames. Returns the
+// number of such places per camera.
 std::vector<int> remove_still_regions(std::vector<BallFrame>& frames, std::size_t camera_count, double share = 0.5);
 
-// Several balls of one size in one recording, as if they had been waved one after the other: the times of each are
-// moved beyond the end of the one before. Still regions are removed. frames: per ball.
+// Concatenates several balls of one size in time, as if waved one after the other. Static clutter is removed. frames:
+// per ball.
 std::vector<BallFrame> one_after_the_other(std::vector<std::vector<BallFrame>> frames, std::size_t camera_count);
 
 }  // namespace huetrack::wave

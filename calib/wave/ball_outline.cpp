@@ -19,7 +19,7 @@ using Eigen::Vector3d;
 constexpr double margin_px = 7;         // of a patch, beyond the region
 constexpr double most_extent_px = 150;  // of a patch; larger regions are as sharp as they need to be
 
-// The ellipse that is as wide as the region.
+// Ellipse with the region's second moments.
 class RegionEllipse {
  public:
   explicit RegionEllipse(const color::ColorRegion& region)
@@ -28,7 +28,7 @@ class RegionEllipse {
         reach(2 * region.spread.diagonal().cwiseSqrt()),
         shape_(region.spread.inverse() / 4) {}
 
-  // Pixels, about; inside it is negative.
+  // Approximate signed distance, px; inside: negative.
   double beyond_edge(int u, int v) const {
     const Vector2d d = Vector2d(u, v) - centre;
     return (std::sqrt(d.dot(shape_ * d)) - 1) * radius;
@@ -66,7 +66,7 @@ void for_each_pixel(const BallPatch& patch, const RegionEllipse& ellipse, double
   }
 }
 
-// How bright the object is over the region: a plane, as a ball is lit from one side.
+// Brightness of the ball: linear over the region (light from one side).
 class Shading {
  public:
   Shading(const RegionEllipse& ellipse) : centre_(ellipse.centre), radius_(ellipse.radius) {}
@@ -75,10 +75,10 @@ class Shading {
     normal_ += at * at.transpose();
     right_ += at * light;
   }
-  // false: nothing was added that is lit
+  // false: nothing lit was added
   bool solve(double otherwise) {
     const double count = normal_(0, 0);
-    normal_.diagonal().tail<2>().array() += 0.5 * radius_ * radius_;  // few pixels say little about it
+    normal_.diagonal().tail<2>().array() += 0.5 * radius_ * radius_;  // regularisation
     plane_ = count >= 5 ? Vector3d(normal_.ldlt().solve(right_)) : Vector3d(otherwise, 0, 0);
     return plane_[0] > 0;
   }
@@ -94,7 +94,7 @@ class Shading {
   Vector3d right_ = Vector3d::Zero(), plane_ = Vector3d::Zero();
 };
 
-// Of how much of each pixel is covered.
+// Moments of the covered area.
 class Coverage {
  public:
   explicit Coverage(const Vector2d& around) : around_(around) {}
@@ -105,8 +105,7 @@ class Coverage {
     squares_ += covered * d * d.transpose();
   }
   color::ColorRegion region_or(const color::ColorRegion& otherwise, double radius) const {
-    // The outline adds or takes a rim of a pixel. What is so much smaller or larger, or is so far aside, over the
-    // radius, is something else: light that was taken for the object, or a half of it.
+    // The outline changes a rim of a pixel. Larger changes of area or centre (over the radius) are errors.
     constexpr double least_area = 0.4, most_area = 2.5, most_aside = 0.5;
     if (n_ < least_area * otherwise.area || n_ > most_area * otherwise.area) return otherwise;
     const Vector2d mean = sum_ / n_;
@@ -164,11 +163,11 @@ color::ColorRegion outline_over_ring(const BallPatch& patch, const color::ColorR
       light.push_back(pixel.light);
     }
   });
-  constexpr std::size_t least_ring = 8;  // pixels; of fewer the mean is no background's
+  constexpr std::size_t least_ring = 8;  // pixels
   if (light.size() < least_ring || object.x() <= 0 || background.x() <= 0) return region;
   const double behind = calib::median(std::move(light));
   const Vector3d of_object = object / object.x(), of_background = background / background.x();
-  // Chroma over light: colours that are nearer to one another cannot be unmixed, but multiply the noise of a pixel.
+  // Chroma over light: unmixing nearer colours amplifies noise.
   constexpr double least_contrast = 0.15;
   if ((of_object - of_background).norm() < least_contrast) return region;
   Eigen::Matrix<double, 3, 2> mix;
@@ -180,7 +179,7 @@ color::ColorRegion outline_over_ring(const BallPatch& patch, const color::ColorR
   });
   if (!shading.solve(object.x() / inside)) return region;
   Coverage coverage(region.centre);
-  constexpr double darkest = 10;  // of 255: before a black background the quotient would be of noise
+  constexpr double darkest = 10;  // of 255; limits noise before black
   for_each_pixel(patch, ellipse, rim_px, [&](int u, int v, const BallPatch::Pixel& pixel, double off) {
     if (off > rim_px) return;
     const Vector2d parts = (unmix * light_of(pixel)).cwiseMax(0);  // light of the object, of the background
@@ -191,7 +190,7 @@ color::ColorRegion outline_over_ring(const BallPatch& patch, const color::ColorR
 
 namespace {
 
-// Light in proportion to the photons, 0..1, of what a camera gives; and back.
+// Linear light 0..1 from camera values.
 constexpr double gamma_of_cameras = 2.2, darkest = 1e-4;
 
 Vector3d linear_rgb(const Vector3d& light) {
@@ -200,10 +199,9 @@ Vector3d linear_rgb(const Vector3d& light) {
   return (rgb / 255).cwiseMax(0).cwiseMin(1.2).array().pow(gamma_of_cameras).max(darkest);
 }
 
-// Fits an ellipse of known shape and unknown place and size to a patch. Each pixel is the object, as far as the ellipse
-// covers it, over the background, mixed in linear light. The object's light is a quadratic polynomial per colour, the
-// background is darkened or lit by a linear one (the object's own shadow). Gauss-Newton for all of it; pixels that show
-// the background itself where the object should be are hidden by it and do not count.
+// Fits position and size of an ellipse of known shape to a patch. Pixels mix ball and background in linear light. The
+// ball's light is a quadratic polynomial per colour; the background is scaled by a linear one (the ball's shadow).
+// Levenberg-Marquardt; pixels that show the background where the ball should be (occlusion) do not count.
 class EllipseFit {
  public:
   using Place = Vector3d;  // centre, px; log of the size
@@ -235,7 +233,7 @@ class EllipseFit {
     level_ = std::max(0.02, level.maxCoeff());
   }
 
-  // false: there is too little to see.
+  // false: too few pixels.
   bool solve(Place& place) {
     if (!(mean_.maxCoeff() > darkest) || pixels_.size() < 20) return false;
     Unknowns x = Unknowns::Zero();
@@ -245,7 +243,7 @@ class EllipseFit {
     double damping = 1e-3;
     System now = system_at(x, start);
     for (int round = 0; round < 25; ++round) {
-      Eigen::MatrixXd damped = now.normal;  // of any size: for those the house has one LDLT already
+      Eigen::MatrixXd damped = now.normal;  // dynamic size: shares the LDLT instantiation
       damped.diagonal() *= 1 + damping;
       const Unknowns next = x - Unknowns(damped.ldlt().solve(Eigen::VectorXd(now.gradient)));
       if (!next.allFinite() || (next - start).head<2>().norm() > 0.7 * size_ || std::abs(next[2] - start[2]) > 0.5) {
@@ -270,8 +268,8 @@ class EllipseFit {
   }
 
  private:
-  // place; the object's light; the background's; log of the blur over the usual one, of light and of chroma; how much
-  // more of it there is along u and along the diagonal, as motion makes it
+  // Position, log size; the ball's light; the background's scale; log blur of light and chroma over the usual one;
+  // motion blur along u and along the diagonal.
   static constexpr int unknowns = 3 + 18 + 3 + 2 + 2, blur = 24, smear = 26;
   using Unknowns = Eigen::Matrix<double, unknowns, 1>;
   using Row = Eigen::Matrix<double, 1, unknowns>;
@@ -303,11 +301,11 @@ class EllipseFit {
     return (in_radii - 1) / in_radii * d.norm();
   }
 
-  // Where the edge passes by a pixel, and by how much more its blur is there.
+  // The edge near a pixel.
   struct Edge {
     double off;
-    Vector3d by_place;  // what off changes by
-    Vector2d along;     // its direction, by twice the angle
+    Vector3d by_place;  // derivative of off
+    Vector2d along;     // direction of its normal, double angle
     double smeared;
   };
   Edge edge_at(const Unknowns& x, const Vector2d& at) const {
@@ -327,7 +325,7 @@ class EllipseFit {
     return edge;
   }
 
-  // What a pixel looks like, and by what that changes.
+  // Predicted pixel and its derivatives.
   struct Prediction {
     Vector3d light;
     Eigen::Matrix<double, 3, unknowns> slopes;
@@ -371,7 +369,7 @@ class EllipseFit {
   }
 
   System system_at(const Unknowns& x, const Unknowns& start) const {
-    // Cameras and JPEG blur chroma more than light.
+    // Chroma is blurred more than light.
     const std::array<double, 2> blurs_px{usual_blur_px * std::exp(x[blur]), usual_blur_px * std::exp(x[blur + 1])};
     System out;
     const auto columns = static_cast<std::size_t>(columns_);
@@ -399,7 +397,7 @@ class EllipseFit {
     return out;
   }
 
-  // What is expected of the unknowns themselves.
+  // Priors.
   void add_usual(const Unknowns& x, const Unknowns& start, System& out) const {
     const auto usual = [&](int i, double sigma) {
       const double r = (x[i] - (i < 3 ? start[i] : 0)) / sigma;
@@ -415,7 +413,7 @@ class EllipseFit {
     for (int i = 22; i < 24; ++i) usual(i, 0.2);
     usual(blur, 0.3);
     usual(blur + 1, 0.7);
-    // Little, as long as the picture does not say otherwise: a ball that is hidden in part looks smeared, too.
+    // Tight: a partly hidden ball looks smeared, too.
     for (int i = smear; i < unknowns; ++i) usual(i, 0.05);
   }
 
@@ -436,21 +434,21 @@ class EllipseFit {
   int columns_;
   double size_ = 1, level_ = 1;
   Vector3d sigma_, mean_;
-  std::vector<Pixel> pixels_;  // those that share chroma beside each other
+  std::vector<Pixel> pixels_;  // those that share chroma are adjacent
 };
 
 }  // namespace
 
 color::ColorRegion outline_over_background(const BallPatch& patch, const color::ColorRegion& region,
                                            const BackgroundImage& background, const Eigen::Matrix2d& shape) {
-  // Beyond what blur and a compressed picture's shared chroma carry out of the object.
+  // Outside of the ball's blur and chroma bleeding.
   constexpr double ring_from_px = 4, ring_to_px = 7, changed_sigmas = 6, most_changed = 0.5;
   const Eigen::Vector3f steady = background.noise.cwiseMax(Eigen::Vector3f(1, 2.5f, 2.5f));
   if (patch.empty()) return region;
   const auto change = [&](int u, int v) {
     return (light_of(patch.at(u, v)) - background.at(u, v).cast<double>()).cwiseQuotient(steady.cast<double>()).norm();
   };
-  // What has the colour and is not the background's own.
+  // Pixels of the target's colour that differ from the background.
   const RegionEllipse rough(region);
   Coverage moving(region.centre);
   for_each_pixel(patch, rough, 2, [&](int u, int v, const BallPatch::Pixel& pixel, double off) {

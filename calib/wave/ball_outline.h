@@ -1,5 +1,4 @@
-// The ball's outline in one frame to a fraction of a pixel: not by counting the pixels that match its colour, but by
-// how much of each pixel it covers.
+// The ball's outline in one frame to a fraction of a pixel, from how much of each pixel the ball covers.
 #pragma once
 
 #include <cstdint>
@@ -10,7 +9,7 @@
 
 namespace huetrack::wave {
 
-// The pixels around a region, so that it can be looked at again when the frame is gone.
+// Copy of the pixels around a region: the frame itself is not kept.
 struct BallPatch {
   struct Pixel {
     std::uint8_t light = 0;
@@ -18,7 +17,7 @@ struct BallPatch {
     bool match = false;             // has the target's colour
   };
   int u_min = 0, v_min = 0, width = 0, height = 0;  // empty: the region is too large to gain by it
-  int chroma_columns = 1;                           // that share one chroma
+  int chroma_columns = 1;                           // that share one chroma sample
   std::vector<Pixel> pixels;                        // row by row
 
   bool empty() const { return pixels.empty(); }
@@ -30,15 +29,13 @@ struct BallPatch {
 
 BallPatch patch_around(const capture::Image& image, color::MatchBits& matches, const color::ColorRegion& region);
 
-// A pixel is light of the object's chroma, as bright as the object's shading makes it, over the background's light.
-// What of the background is missing is covered. The region itself where that cannot be told.
+// Both model a pixel as a mixture of ball and background, and return the region itself where these cannot be separated.
 
-// The background is taken to be of one colour, that of a ring around the region: a first guess.
+// First guess: the background has one colour, that of a ring around the region.
 color::ColorRegion outline_over_ring(const BallPatch& patch, const color::ColorRegion& region);
 
-// Behind every pixel is what the camera sees there otherwise: the background's own things of the object's hue do no
-// harm. Where something else that moves is around the region (the arm that holds it), it is left to
-// outline_over_ring().
+// Over the known background, which may contain the ball's hue. Returns the region itself where something else moves
+// around it (an arm). shape: px per radian of a small ball there.
 color::ColorRegion outline_over_background(const BallPatch& patch, const color::ColorRegion& region,
                                            const BackgroundImage& background, const Eigen::Matrix2d& shape);
 

@@ -1,4 +1,4 @@
-// The way that the ball took: a uniform cubic B-spline in time. Private to this module.
+// The ball's trajectory: a uniform cubic B-spline in time. Private to this module.
 #pragma once
 
 #include <Eigen/Core>
@@ -9,19 +9,18 @@
 namespace huetrack::wave {
 
 struct BallPath {
-  double start_s = 0;                    // the path is defined from here
+  double start_s = 0;                    // of the first piece
   double step_s = 1;                     // > 0, between knots
-  std::vector<Eigen::Vector3d> control;  // >= 4; world
+  std::vector<Eigen::Vector3d> control;  // >= 4; world, metres
 
-  // The four control points that make the position at t, from `first`, their weights (their sum is 1), and what these
-  // change by per second.
+  // Position at a time = sum of four control points from `first`, times `weight` (sum 1).
   struct Basis {
     std::size_t first;
-    std::array<double, 4> weight, weight_per_s;
+    std::array<double, 4> weight, weight_per_s;  // and the derivative of the weights by time
   };
-  // The control points whose piece of the path t is in; before and after the path those of its ends.
+  // First control point of the piece that holds t; outside of the path: of its first or last piece.
   std::size_t piece(double t_s) const;
-  // The polynomial of that piece, which goes on beyond it.
+  // Polynomial of the piece that begins at `first`; it continues beyond the piece.
   Basis basis(double t_s, std::size_t first) const;
   Eigen::Vector3d at(double t_s) const;
   Eigen::Vector3d velocity(double t_s) const;  // m/s

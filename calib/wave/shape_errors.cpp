@@ -31,7 +31,7 @@ Eigen::MatrixXd ShapeErrors::of_camera(Eigen::Index c, const Vector3d& centre) c
 calib::RigUncertainty ShapeErrors::uncertainty(const WaveState& state, const Eigen::MatrixXd& covariance,
                                                double scale_sigma) const {
   const auto n = static_cast<Eigen::Index>(state.cam_from_world.size());
-  // The rig file's errors are in the cameras' own axes, and say where the world is: they turn and shift the other way.
+  // RigUncertainty is in the cameras' own axes, as an error of cam_from_world: opposite sign.
   Eigen::MatrixXd by_found = Eigen::MatrixXd::Zero(6 * n, 6 * n);
   Eigen::VectorXd by_scale(6 * n);
   for (Eigen::Index c = 0; c < n; ++c) {

@@ -1,4 +1,4 @@
-// How well positions are known, from how well the cameras' poses are. Private to this module.
+// Propagates the covariance of camera poses to triangulated positions. Private to this module.
 #pragma once
 
 #include <Eigen/Core>
@@ -10,25 +10,25 @@
 
 namespace huetrack::wave {
 
-// What errors of the camera poses (centre, rotation; world axes) do to positions, triangulated by all cameras that see
-// them for exact pixels; but for a motion of the whole world, which is taken away as well as it can be.
+// Linear map from pose errors (per camera: centre, rotation; world axes) to errors of positions triangulated from exact
+// pixels, after the best rigid alignment of all places: a motion of the whole world is no error.
 struct ShapeErrors {
-  Eigen::MatrixXd by_poses;   // three rows per place
-  Eigen::MatrixXd alignment;  // the motion that is taken away (translation, rotation about the origin): six rows
-  double places = 0;          // that two or more cameras see
-  Eigen::Vector3d middle = Eigen::Vector3d::Zero();  // the mean of these places
+  Eigen::MatrixXd by_poses;   // 3 rows per place
+  Eigen::MatrixXd alignment;  // 6 rows: the motion that is removed (translation, rotation about the origin)
+  double places = 0;          // seen by two or more cameras
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();  // mean of these places
   double reach_m = 0;                                // their rms distance from it
 
   double rms(const Eigen::MatrixXd& covariance) const;  // metres; covariance: as WaveFit::covariance
-  // For the rig file, where the scale is so well known (relative): the cameras' poses in the world that is aligned with
-  // the places. The lenses were given, and count as exact.
+  // For the rig file: poses in the world aligned with the places, with a scale of relative uncertainty scale_sigma.
+  // Lenses count as exact.
   calib::RigUncertainty uncertainty(const WaveState& state, const Eigen::MatrixXd& covariance,
                                     double scale_sigma) const;
-  // Of a camera's pose, in the world that is aligned with the places: six rows, by all poses.
+  // Error of one camera's pose in the aligned world, by all poses: 6 rows.
   Eigen::MatrixXd of_camera(Eigen::Index camera, const Eigen::Vector3d& centre) const;
 };
 
-// rig: the lenses; state: the poses.
+// Lenses from `rig`, poses from `state`.
 ShapeErrors shape_errors(const calib::CameraRig& rig, const WaveState& state,
                          const std::vector<Eigen::Vector3d>& places);
 

@@ -22,7 +22,7 @@ void Similarity::apply(WaveState& state) const {
   for (Vector3d& p : state.path.control) p = *this * p;
 }
 
-Similarity onto_rig(const calib::CameraRig& rig, const WaveState& state, bool scale_too) {
+Similarity onto_rig(const calib::CameraRig& rig, const WaveState& state, bool with_scale) {
   const std::size_t n = rig.cameras.size();
   std::vector<double> weight(n, 1);
   Similarity s;
@@ -41,9 +41,8 @@ Similarity onto_rig(const calib::CameraRig& rig, const WaveState& state, bool sc
       spread_from += weight[c] * from.squaredNorm();
       spread_to += weight[c] * to.squaredNorm();
     }
-    if (scale_too && spread_from > 0) s.scale = std::sqrt(spread_to / spread_from);
-    // Both what the cameras' axes and what their centres say about the rotation; a camera's own orientation counts like
-    // a lever of a metre.
+    if (with_scale && spread_from > 0) s.scale = std::sqrt(spread_to / spread_from);
+    // Rotation from axes and centres together; a camera's axes count like a lever of 1 m.
     for (std::size_t c = 0; c < n; ++c) {
       const Matrix3d guess = rig.cameras[c].cam_from_world.rotation.toRotationMatrix();
       const Matrix3d found = state.cam_from_world[c].rotation.toRotationMatrix();

@@ -1,4 +1,4 @@
-// Another frame and scale for all poses and the path. Private to this module.
+// Change of world frame and scale of a solution. Private to this module.
 #pragma once
 
 #include <Eigen/Core>
@@ -9,21 +9,21 @@
 
 namespace huetrack::wave {
 
-// world_new = scale * rotation * world_old + translation
+// p_new = scale * rotation * p_old + translation
 struct Similarity {
   double scale = 1;
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
   Eigen::Vector3d translation = Eigen::Vector3d::Zero();
 
   Eigen::Vector3d operator*(const Eigen::Vector3d& p) const { return scale * (rotation * p) + translation; }
-  void apply(WaveState& state) const;
+  void apply(WaveState& state) const;  // to poses and path; changes no pixel
 };
 
-// The frame and scale of the rig that it started from; `scale_too`: nothing else sets it. Cameras that moved count
-// little where most did not.
-Similarity onto_rig(const calib::CameraRig& rig, const WaveState& state, bool scale_too);
+// Aligns camera poses with those of `rig`, robustly (iterated L1): a moved camera hardly counts. with_scale: otherwise
+// the scale stays 1.
+Similarity onto_rig(const calib::CameraRig& rig, const WaveState& state, bool with_scale);
 
-// Points to points, at least three that are not in a line; the scale stays 1.
+// Rigid alignment of points, least squares (Umeyama 1991). >= 3 points, not collinear.
 Similarity onto_points(const std::vector<Eigen::Vector3d>& from, const std::vector<Eigen::Vector3d>& to);
 
 }  // namespace huetrack::wave

@@ -31,7 +31,7 @@ using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-// Names the cameras that are not connected, and which pair lacks what.
+// throws CalibrationError: names the cameras that are not connected, and the pair that lacks least.
 void require_connected(const calib::CameraRig& rig, const std::vector<WavePair>& pairs) {
   std::vector<std::size_t> group(rig.cameras.size());
   std::iota(group.begin(), group.end(), std::size_t{0});
@@ -69,8 +69,8 @@ std::vector<WavePair> pairs_of(const calib::CameraRig& rig, const BallTracks& tr
   return pairs;
 }
 
-// Counts what each camera saw, and takes out what stands still. throws CalibrationError: a camera saw too little.
-void take_sightings(WaveResult& result, std::vector<BallFrame>& frames) {
+// Counts sightings, and removes static clutter. throws CalibrationError: a camera saw too little.
+void count_sightings(WaveResult& result, std::vector<BallFrame>& frames) {
   const std::size_t n = result.cameras.size();
   std::vector<int> seen_anything(n, 0);
   for (const BallFrame& f : frames) {
@@ -81,7 +81,7 @@ void take_sightings(WaveResult& result, std::vector<BallFrame>& frames) {
   for (const BallFrame& f : frames) result.cameras[index(f.camera)].seen += f.regions.empty() ? 0 : 1;
   for (std::size_t c = 0; c < n; ++c) {
     WaveCamera& camera = result.cameras[c];
-    camera.has_still_things = still[c] > 0;
+    camera.has_static_clutter = still[c] > 0;
     const std::string& name = result.rig.cameras[c].name;
     if (camera.frames == 0) throw solver::CalibrationError(name + " gave no frame");
     if (seen_anything[c] == 0) {
@@ -91,10 +91,10 @@ void take_sightings(WaveResult& result, std::vector<BallFrame>& frames) {
     }
     if (camera.seen < least_shared) {
       throw solver::CalibrationError(
-          name + (camera.has_still_things ? " saw the target's colour only where it never moves: too little motion, "
-                                            "or something else of that colour"
-                                          : " saw the target in only " + std::to_string(camera.seen) + " frames, " +
-                                                std::to_string(least_shared) + " are needed"),
+          name + (camera.has_static_clutter ? " saw the target's colour only where it never moves: too little motion, "
+                                              "or something else of that colour"
+                                            : " saw the target in only " + std::to_string(camera.seen) + " frames, " +
+                                                  std::to_string(least_shared) + " are needed"),
           solver::Fault::too_little_motion);
     }
   }
@@ -102,10 +102,10 @@ void take_sightings(WaveResult& result, std::vector<BallFrame>& frames) {
 
 struct Found {
   std::unique_ptr<WaveSolution> solution;
-  bool poses_refused = false;  // see WaveResult
+  bool rejected_rig_poses = false;  // see WaveResult
 };
 
-// From the rig's poses; from nothing where there are none, or where they lead nowhere. throws CalibrationError
+// From the rig's poses; from nothing where there are none, or where they do not fit. throws CalibrationError
 Found find_solution(const calib::CameraRig& rig, const std::vector<BallFrame>& frames, const WaveOptions& options) {
   auto solution = std::make_unique<WaveSolution>(rig, frames, options);
   require_connected(rig, pairs_of(rig, solution->tracks()));
@@ -115,7 +115,7 @@ Found find_solution(const calib::CameraRig& rig, const std::vector<BallFrame>& f
   }
   WaveStart start;
   for (const calib::Camera& camera : rig.cameras) start.cam_from_world.push_back(camera.cam_from_world);
-  constexpr double most_agree = 0.7;  // of the frames, where the start was not too far off
+  constexpr double most_agree = 0.7;  // share of the frames, from a start that was good enough
   if (options.hold_poses) {
     solution->solve(start, false);
     if (const double share = solution->used_share(); share < most_agree) {
@@ -145,7 +145,7 @@ Found find_solution(const calib::CameraRig& rig, const std::vector<BallFrame>& f
   return {std::move(solution), false};
 }
 
-// Where the ball rested: the mean places of the two longest rests. throws CalibrationError: there are no two.
+// Mean positions of the two longest rests at different places. throws CalibrationError: there are no two.
 std::array<Vector3d, 2> rests(const WaveSolution& wave) {
   constexpr double still_m_s = 0.06, least_s = 0.7, window_s = 0.2;
   struct Rest {
@@ -178,7 +178,7 @@ std::array<Vector3d, 2> rests(const WaveSolution& wave) {
                                  solver::Fault::no_rests);
 }
 
-// Where the path was at the marks, and where they say that it was.
+// Estimated and given positions at the marks.
 struct MarkedPath {
   std::vector<Vector3d> found, marked;
 };
@@ -201,7 +201,7 @@ MarkedPath path_at_marks(const WaveSolution& wave, const std::vector<BallMark>& 
   return path;
 }
 
-// By which the solution is too small for the marks. throws CalibrationError: they are all at one place.
+// Scale from the solution to the marks. throws CalibrationError: they are all at one place.
 double scale_of(const MarkedPath& path) {
   double spread_from = 0, spread_to = 0;
   for (std::size_t i = 0; i < path.found.size(); ++i) {
@@ -224,7 +224,7 @@ double longest_distance(const std::vector<Vector3d>& points) {
   return longest;
 }
 
-// Scales the solution. Returns what it was scaled by, without the uncertainty. throws CalibrationError
+// Scales the solution. Returns the source, without its uncertainty. throws CalibrationError
 WaveScale set_scale(WaveSolution& wave, const calib::CameraRig& rig, const WaveOptions& options) {
   WaveScale scale;
   double factor = 1;
@@ -246,7 +246,7 @@ WaveScale set_scale(WaveSolution& wave, const calib::CameraRig& rig, const WaveO
     factor = onto_rig(rig, wave.state(), true).scale;
   } else {
     scale.source = WaveScale::Source::ball_size;
-    factor = 1 / wave.size_ratio();  // a ball that looks twice as large as it should is half as far away
+    factor = 1 / wave.size_ratio();  // twice as large: half as far away
   }
   Similarity{.scale = factor}.apply(wave.state());
   return scale;
@@ -258,7 +258,7 @@ Vector3d middle_of(const std::vector<BallMark>& marks) {
   return middle;
 }
 
-// Moves the solution onto the marks. Returns by how much the worst is off. throws CalibrationError: they are in a line.
+// Aligns the solution with the marks. Returns the largest residual. throws CalibrationError: they are collinear.
 double move_onto_marks(WaveState& state, const std::vector<BallMark>& marks) {
   std::vector<Vector3d> from, to;
   for (const BallMark& mark : marks) {
@@ -278,15 +278,15 @@ double move_onto_marks(WaveState& state, const std::vector<BallMark>& marks) {
   return worst;
 }
 
-// The world's origin and axes: of the marks, of the rig, or of the first camera. Sets marks_off_m.
+// World frame: of the marks, of the rig, or of the first camera. Sets marks_error_m.
 void set_world(WaveResult& result, WaveSolution& wave, const calib::CameraRig& rig, const WaveOptions& options) {
   WaveState& state = wave.state();
   if (options.marks.size() >= 3) {
-    result.marks_off_m = move_onto_marks(state, options.marks);
+    result.marks_error_m = move_onto_marks(state, options.marks);
   } else if (options.has_poses) {
     onto_rig(rig, state, false).apply(state);
   } else {
-    // The first camera's place is the origin, and up is what its image shows as up.
+    // Origin at the first camera, z up in its image.
     Similarity move;
     const Matrix3d world_from_cam = (Matrix3d() << 1, 0, 0, 0, 0, 1, 0, -1, 0).finished();
     move.rotation = world_from_cam * state.cam_from_world[0].rotation.toRotationMatrix();
@@ -295,8 +295,8 @@ void set_world(WaveResult& result, WaveSolution& wave, const calib::CameraRig& r
   }
 }
 
-// Poses, residuals, and how much of each image they are from.
-void take_fit(WaveResult& result, const WaveSolution& wave, const std::vector<BallObservation>& observations) {
+// Sets poses, residuals and coverage.
+void set_fit(WaveResult& result, const WaveSolution& wave, const std::vector<BallObservation>& observations) {
   const std::size_t n = result.cameras.size();
   for (std::size_t c = 0; c < n; ++c) result.rig.cameras[c].cam_from_world = wave.state().cam_from_world[c];
   result.size_ratio = wave.size_ratio();
@@ -323,7 +323,7 @@ void take_fit(WaveResult& result, const WaveSolution& wave, const std::vector<Ba
   }
 }
 
-// Sets extent_m and away_m.
+// Sets extent_m and camera_distance_m.
 void measure_path(WaveResult& result, const WaveSolution& wave, const std::vector<BallObservation>& observations) {
   const BallPath& path = wave.state().path;
   Vector3d mean = Vector3d::Zero();
@@ -338,15 +338,17 @@ void measure_path(WaveResult& result, const WaveSolution& wave, const std::vecto
     scatter += d * d.transpose() / count;
   }
   const Vector3d variance = Eigen::SelfAdjointEigenSolver<Matrix3d>(scatter).eigenvalues();
-  for (int i = 0; i < 3; ++i) result.extent_m[i] = std::sqrt(12 * std::max(0.0, variance[2 - i]));  // of an even spread
+  for (int i = 0; i < 3; ++i)
+    result.extent_m[i] = std::sqrt(12 * std::max(0.0, variance[2 - i]));  // length of a uniform distribution
   const std::size_t n = result.cameras.size();
   for (std::size_t c = 0; c < n; ++c)
-    result.away_m += (wave.centre(static_cast<int>(c)) - mean).norm() / static_cast<double>(n);
+    result.camera_distance_m += (wave.centre(static_cast<int>(c)) - mean).norm() / static_cast<double>(n);
 }
 
-// Poses, path and latencies follow a camera whose frames are early or late by turns, so that residuals show a part of
-// it only. Which part is tried: its frames are put early or late besides, another way in every second.
-double shown_share(const WaveSolution& wave, const std::vector<BallFrame>& frames, int camera, const TimeSigns& signs) {
+// Poses, path and latencies absorb a part of a camera's time errors; residuals show the rest. Measures that rest: its
+// frames are shifted by +-2 ms, at random from second to second, and the adjustment is repeated.
+double residual_share(const WaveSolution& wave, const std::vector<BallFrame>& frames, int camera,
+                      const TimingDiagnostics& timing) {
   constexpr double by_s = 2e-3, least_share = 0.1;
   std::mt19937_64 random(1);
   std::map<int, double> late_s;
@@ -360,46 +362,46 @@ double shown_share(const WaveSolution& wave, const std::vector<BallFrame>& frame
   WaveSolution trial = wave;
   trial.retime(moved);
   trial.settle();
-  const TimeSigns shown = trial.signs()[index(camera)];
+  const TimingDiagnostics shown = trial.timing()[index(camera)];
   double along = 0, put = 0;
   for (const auto& [second, lag_s] : shown.lag_s) {
-    const auto before = signs.lag_s.find(second);
+    const auto before = timing.lag_s.find(second);
     const auto by = late_s.find(second);
-    if (before == signs.lag_s.end() || by == late_s.end()) continue;
+    if (before == timing.lag_s.end() || by == late_s.end()) continue;
     along += (lag_s - before->second) * by->second, put += by->second * by->second;
   }
   return put > 0 ? std::clamp(std::abs(along / put), least_share, 1.0) : 1.0;
 }
 
-// What speaks against the times, and counts as their uncertainty.
-void take_signs(WaveResult& result, WaveSolution& wave, const std::vector<BallFrame>& frames) {
-  std::vector<TimeSigns> signs = wave.signs();
-  constexpr double sure_sigmas = 2;  // noise alone: 0.5 to 1.3 seen
-  for (std::size_t c = 0; c < signs.size(); ++c)
-    if (signs[c].wander_s > 0 && signs[c].wander_sigmas > sure_sigmas)
-      signs[c].wander_s /= shown_share(wave, frames, static_cast<int>(c), signs[c]);
+// Timing errors beyond the model; they widen the covariance.
+void set_timing_diagnostics(WaveResult& result, WaveSolution& wave, const std::vector<BallFrame>& frames) {
+  std::vector<TimingDiagnostics> timing = wave.timing();
+  constexpr double sure_sigmas = 2;  // experiment: noise alone makes 0.5 to 1.3
+  for (std::size_t c = 0; c < timing.size(); ++c)
+    if (timing[c].wander_s > 0 && timing[c].wander_sigmas > sure_sigmas)
+      timing[c].wander_s /= residual_share(wave, frames, static_cast<int>(c), timing[c]);
   std::vector<double> wander_s;
-  for (std::size_t c = 0; c < signs.size(); ++c) {
+  for (std::size_t c = 0; c < timing.size(); ++c) {
     WaveCamera& camera = result.cameras[c];
     camera.frame_s = wave.frame_s(c);
-    camera.wander_s = signs[c].wander_s;
-    camera.wander_sigmas = signs[c].wander_sigmas;
-    camera.scatter_s = signs[c].scatter_s;
-    camera.repeated = signs[c].repeated;
-    wander_s.push_back(signs[c].wander_s);
+    camera.wander_s = timing[c].wander_s;
+    camera.wander_sigmas = timing[c].wander_sigmas;
+    camera.scatter_s = timing[c].scatter_s;
+    camera.repeated = timing[c].repeated;
+    wander_s.push_back(timing[c].wander_s);
   }
   wave.set_wander(std::move(wander_s));
 }
 
-// throws CalibrationError: the path leaves cameras free to move.
+// throws CalibrationError: the path does not determine the poses.
 void require_motion(const WaveResult& result) {
-  if (result.extent_m[0] < WaveResult::least_length * result.away_m) {
+  if (result.extent_m[0] < WaveResult::least_length * result.camera_distance_m) {
     throw solver::CalibrationError(
         fmt::format("too little motion: the ball moved within {:.0f} cm, at {:.1f} m from the cameras",
-                    1e2 * result.extent_m[0], result.away_m),
+                    1e2 * result.extent_m[0], result.camera_distance_m),
         solver::Fault::too_little_motion);
   }
-  if (result.extent_m[1] < WaveResult::least_extent * result.away_m) {
+  if (result.extent_m[1] < WaveResult::least_extent * result.camera_distance_m) {
     throw solver::CalibrationError(
         fmt::format("the ball moved along one line ({:.2f} m long, {:.0f} mm wide), which leaves the cameras free to "
                     "turn around it",
@@ -409,9 +411,9 @@ void require_motion(const WaveResult& result) {
   if (result.is_in_a_plane() && !result.had_poses) throw solver::CalibrationError({motion_in_a_plane(result.extent_m)});
 }
 
-// The poses that each half of the recording finds by itself: how far they are apart, and the covariance of that.
+// Difference of the poses estimated from each half of the recording, and its covariance.
 struct Halves {
-  Eigen::VectorXd apart;  // six per camera: centre, rotation
+  Eigen::VectorXd difference;  // six per camera: centre, rotation
   Eigen::MatrixXd covariance;
 };
 
@@ -431,13 +433,12 @@ Halves compare_halves(const WaveSolution& whole, std::size_t cameras, const solv
     const calib::Rigid3d &a = states[0].cam_from_world[c], &b = states[1].cam_from_world[c];
     const Eigen::AngleAxisd turn(a.rotation.conjugate() * b.rotation);
     const auto at = 6 * static_cast<Eigen::Index>(c);
-    halves.apart.segment<3>(at) = calib::inverse(b).translation - calib::inverse(a).translation;
-    halves.apart.segment<3>(at + 3) = turn.angle() * turn.axis();
+    halves.difference.segment<3>(at) = calib::inverse(b).translation - calib::inverse(a).translation;
+    halves.difference.segment<3>(at + 3) = turn.angle() * turn.axis();
   }
   return halves;
 }
 
-// What the positions' errors follow from.
 struct PlacesErrors {
   ShapeErrors along_path;
   std::optional<ShapeErrors> in_volume;  // nullopt: no volume was given
@@ -445,8 +446,8 @@ struct PlacesErrors {
   bool has_volume() const { return in_volume && in_volume->places > 0; }
 };
 
-// Sets the rig's timing. widen: see take_uncertainties.
-void take_times(WaveResult& result, const WaveSolution& wave, double widen) {
+// widen: factor on standard deviations.
+void set_timing(WaveResult& result, const WaveSolution& wave, double widen) {
   for (std::size_t c = 0; c < result.cameras.size(); ++c) {
     const CameraTime& time = wave.state().times[c];
     const auto at = 2 * static_cast<Eigen::Index>(c);
@@ -454,24 +455,24 @@ void take_times(WaveResult& result, const WaveSolution& wave, double widen) {
       const double variance = wave.fit().time_covariance(i, i);
       return variance > 0 ? std::hypot(widen * std::sqrt(variance), least) : 0;
     };
-    // Light that flickers, and is not even over the ball, makes an exposure's moment another than its middle; over the
-    // rows in which the ball is seen (rms a third of them) that is as much more of a readout.
+    // Flicker and uneven light move the effective moment of an exposure off its middle. For the readout that counts
+    // three times: the ball's rows have an rms of a third of the image.
     constexpr double moment_s = 3e-4, over_rows_s = 3 * moment_s;
     result.rig.cameras[c].timing = {time.latency_s, sigma(at, moment_s), time.readout_s, sigma(at + 1, over_rows_s)};
   }
 }
 
-// Sets how well positions and poses are known, but for the scale. Returns the poses' covariance (see WaveFit).
-Eigen::MatrixXd take_uncertainties(WaveResult& result, const WaveSolution& wave, const calib::CameraRig& start,
-                                   const PlacesErrors& errors, const solver::Progress& progress) {
+// Sets the uncertainty of positions and poses, without the scale's. Returns the poses' covariance (see WaveFit).
+Eigen::MatrixXd set_uncertainties(WaveResult& result, const WaveSolution& wave, const calib::CameraRig& start,
+                                  const PlacesErrors& errors, const solver::Progress& progress) {
   const std::size_t n = result.cameras.size();
   const Halves halves = compare_halves(wave, n, progress);
-  result.halves_m = errors.along_path.rms(halves.apart * halves.apart.transpose());
+  result.halves_m = errors.along_path.rms(halves.difference * halves.difference.transpose());
   result.halves_sigma_m = errors.along_path.rms(halves.covariance);
-  // Where they differ by more than the noise explains, they are believed.
+  // Inflation where they differ by more than their covariance predicts.
   const double widen = result.halves_sigma_m > 0 ? std::max(1.0, result.halves_m / result.halves_sigma_m) : 1;
   const Eigen::MatrixXd covariance = widen * widen * wave.fit().covariance;
-  take_times(result, wave, widen);
+  set_timing(result, wave, widen);
   for (std::size_t c = 0; c < n; ++c) {
     WaveCamera& camera = result.cameras[c];
     const Eigen::MatrixXd by_poses = (errors.has_volume() ? *errors.in_volume : errors.along_path)
@@ -489,7 +490,7 @@ Eigen::MatrixXd take_uncertainties(WaveResult& result, const WaveSolution& wave,
   return covariance;
 }
 
-// As far as the cameras moved and turned against the rig, so far its scale may be off.
+// Relative uncertainty of the rig's scale, by how far its cameras moved and turned.
 double sigma_of_rig(const WaveResult& result, const WaveSolution& wave) {
   const std::size_t n = result.cameras.size();
   double off2 = 0, spread2 = 0, sigma = 0;
@@ -504,9 +505,9 @@ double sigma_of_rig(const WaveResult& result, const WaveSolution& wave) {
 }
 
 double scale_sigma(const WaveResult& result, const WaveSolution& wave, const WaveOptions& options) {
-  constexpr double tape_m = 0.005;      // how well a distance is measured
-  constexpr double rest_m = 0.005;      // how well the ball's own places are known
-  constexpr double of_ball_size = 0.1;  // light, blur and chroma widen the ball by that
+  constexpr double tape_m = 0.005;      // 1 sigma of a measured distance
+  constexpr double rest_m = 0.005;      // 1 sigma of the distance of two rests
+  constexpr double of_ball_size = 0.1;  // relative; light, blur and chroma
   switch (result.scale.source) {
     case WaveScale::Source::camera_distance:
       return tape_m / result.scale.measured_m;
@@ -526,10 +527,10 @@ double scale_sigma(const WaveResult& result, const WaveSolution& wave, const Wav
   return of_ball_size;
 }
 
-// What was measured beside what the rig's own poses say.
+// Measured scale against that of the rig's own poses.
 void compare_scale(WaveScale& scale, const WaveSolution& wave, const calib::CameraRig& rig) {
   const Similarity onto = onto_rig(rig, wave.state(), true);
-  scale.of_rigs = 1 / onto.scale;
+  scale.over_rig = 1 / onto.scale;
   Vector3d middle = Vector3d::Zero();
   for (const calib::Camera& camera : rig.cameras) middle += camera.centre() / static_cast<double>(rig.cameras.size());
   double off2 = 0, spread2 = 0;
@@ -537,10 +538,10 @@ void compare_scale(WaveScale& scale, const WaveSolution& wave, const calib::Came
     off2 += (onto * wave.centre(static_cast<int>(c)) - rig.cameras[c].centre()).squaredNorm();
     spread2 += (rig.cameras[c].centre() - middle).squaredNorm();
   }
-  scale.rigs_sigma = std::sqrt(off2 / spread2);
+  scale.rig_sigma = std::sqrt(off2 / spread2);
 }
 
-// throws CalibrationError: a camera hardly ever agrees with the others.
+// throws CalibrationError: a camera is hardly ever consistent with the others.
 void require_agreement(const WaveResult& result) {
   for (std::size_t c = 0; c < result.cameras.size(); ++c) {
     const WaveCamera& camera = result.cameras[c];
@@ -555,7 +556,7 @@ void require_agreement(const WaveResult& result) {
 
 std::vector<std::string> WaveOptions::problems(const calib::CameraRig& rig) const {
   std::vector<std::string> out;
-  constexpr int furthest_m = 200;  // who writes more means centimetres
+  constexpr int furthest_m = 200;  // more is in centimetres, by mistake
   const auto is_camera = [&](int c) { return c >= 0 && index(c) < rig.cameras.size(); };
   if (!(radius_m > 0)) out.emplace_back("radius_m must be > 0");
   if (!(pixel_noise_px > 0)) out.emplace_back("pixel_noise_px must be > 0");
@@ -583,10 +584,9 @@ solver::Reason motion_in_a_plane(const Eigen::Vector3d& extent_m) {
 
 namespace {
 
-// The radius that the ball has where the rays of two cameras meet, by the rig's poses; nullopt: they hardly ever do.
-// Frames by time.
+// Median radius of the ball, triangulated with the rig's poses; nullopt: rays hardly ever meet. Frames by time.
 std::optional<double> radius_by_rays(const calib::CameraRig& rig, const std::vector<BallFrame>& frames) {
-  // Of poses that are some centimetres off, and of stamps that are; the ball is waved at some metre per second.
+  // For poses with errors of some centimetres, and the ball's motion between unsynchronised frames.
   constexpr double furthest_apart_s = 0.05;
   constexpr double furthest_apart = 0.1;  // over the distance
   constexpr std::size_t least_meetings = 20;
@@ -627,13 +627,12 @@ std::optional<double> radius_by_rays(const calib::CameraRig& rig, const std::vec
 }
 
 bool is_far_from_one(double ratio) {
-  constexpr double far = 1.3;  // no colour's edge, and no pose that is some centimetres off, makes as much
+  constexpr double far = 1.3;  // beyond the effects of colour thresholds and pose errors
   return ratio > far || ratio < 1 / far;
 }
 
-// Why a wave may end in nothing that has to do with how the ball was moved: a size or a distance that contradicts what
-// was seen. looks: how large the ball looks for its radius, once all has the scale that was measured. Empty: they
-// agree.
+// A given radius or distance that contradicts the images: more likely the cause of a failure than the motion. Empty:
+// none does. looks: apparent over given radius at the measured scale.
 std::vector<solver::Reason> contradicting_sizes(const calib::CameraRig& rig, const std::vector<BallFrame>& frames,
                                                 const WaveOptions& options, std::optional<double> looks) {
   std::vector<solver::Reason> found;
@@ -670,31 +669,31 @@ WaveResult calibrated(const calib::CameraRig& rig, std::vector<BallFrame>& frame
   result.radius_m = options.radius_m;
   result.had_poses = options.has_poses;
   result.held_poses = options.hold_poses;
-  take_sightings(result, frames);
+  count_sightings(result, frames);
 
   const Found found = find_solution(rig, frames, options);
-  result.poses_refused = found.poses_refused;
+  result.rejected_rig_poses = found.rejected_rig_poses;
   WaveSolution& wave = *found.solution;
   result.pairs = pairs_of(rig, wave.tracks());
   require_connected(rig, result.pairs);
 
-  // How large the ball should look, and how smooth its path is, depend on the scale.
+  // The expected size and the smoothness depend on the scale: refined again.
   if (!options.hold_poses) result.scale = set_scale(wave, rig, options);
   looks = wave.size_ratio();
   wave.refine(WaveSteps::refined_again);
   if (!options.hold_poses) {
     if (result.scale.measured_m > 0) {
       result.scale = set_scale(wave, rig, options);
-      if (options.has_poses && !result.poses_refused) compare_scale(result.scale, wave, rig);
+      if (options.has_poses && !result.rejected_rig_poses) compare_scale(result.scale, wave, rig);
     }
     set_world(result, wave, rig, options);
   }
 
   if (options.progress) options.progress("the uncertainties", WaveSteps::settled, WaveSteps::all);
-  take_signs(result, wave, frames);
+  set_timing_diagnostics(result, wave, frames);
   wave.settle();
   const std::vector<BallObservation> observations = wave.observations();
-  take_fit(result, wave, observations);
+  set_fit(result, wave, observations);
   measure_path(result, wave, observations);
   require_motion(result);
 
@@ -702,7 +701,7 @@ WaveResult calibrated(const calib::CameraRig& rig, std::vector<BallFrame>& frame
       shape_errors(result.rig, wave.state(), places_along(wave.state().path, wave.from_s(), wave.to_s())),
       std::nullopt};
   if (options.volume) errors.in_volume = shape_errors(result.rig, wave.state(), places_in(*options.volume));
-  const Eigen::MatrixXd covariance = take_uncertainties(result, wave, rig, errors, options.progress);
+  const Eigen::MatrixXd covariance = set_uncertainties(result, wave, rig, errors, options.progress);
   if (!options.hold_poses) {
     result.scale.sigma = scale_sigma(result, wave, options);
     result.rig.uncertainty = (errors.has_volume() ? *errors.in_volume : errors.along_path)
@@ -725,7 +724,7 @@ WaveResult calibrate_wave(const calib::CameraRig& rig, std::vector<BallFrame> fr
   try {
     return calibrated(rig, frames, options, looks);
   } catch (const solver::CalibrationError& error) {
-    // The ball's size pulls on path and cameras: a wrong one draws them together until nothing moves.
+    // A wrong size contracts path and cameras, and looks like a lack of motion.
     std::vector<solver::Reason> why = contradicting_sizes(rig, frames, options, looks);
     if (why.empty()) throw;
     std::ranges::move(solver::after(". As it was given, no rig was found: ", error.reasons()), std::back_inserter(why));

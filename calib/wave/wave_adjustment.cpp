@@ -4,7 +4,6 @@
 #include <ceres/crs_matrix.h>
 #include <ceres/loss_function.h>
 #include <ceres/problem.h>
-#include <ceres/sized_cost_function.h>
 #include <ceres/solver.h>
 #include <glog/logging.h>
 
@@ -18,8 +17,8 @@
 #include <optional>
 
 #include "calib/model/cross_matrix.h"
-#include "calib/solver/bundle_adjustment.h"
-#include "calib/solver/lens.h"
+#include "calib/solver/calibration_error.h"
+#include "calib/wave/outline_cost.h"
 
 namespace huetrack::wave {
 namespace {
@@ -29,100 +28,6 @@ using Eigen::Matrix2d;
 using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
-
-Matrix3d rotation_of(const Vector3d& omega) {
-  const double angle = omega.norm();
-  return angle < 1e-12 ? Matrix3d(Matrix3d::Identity() + cross_matrix(omega))
-                       : Eigen::AngleAxisd(angle, omega / angle).toRotationMatrix();
-}
-
-// exp(omega + d) = exp(omega) exp(J d)
-Matrix3d right_jacobian(const Vector3d& omega) {
-  const double a = omega.norm();
-  const Matrix3d w = cross_matrix(omega);
-  if (a < 1e-6) return Matrix3d::Identity() - w / 2;
-  return Matrix3d::Identity() - (1 - std::cos(a)) / (a * a) * w + (a - std::sin(a)) / (a * a * a) * w * w;
-}
-
-// The point whose pinhole projection is the centre of the outline of a ball at p. The outline of a sphere is an ellipse
-// around (X Z, Y Z) / (Z^2 - r^2), as its tangent cone says. For a fisheye, where the outline is nearly symmetric in
-// angle, it is the ball's centre itself.
-Vector3d outline_point(bool pinhole, const Vector3d& p, double radius, double* z_by_z) {
-  *z_by_z = 1;
-  if (!pinhole || p.z() < 2 * radius) return p;
-  *z_by_z = 1 + radius * radius / (p.z() * p.z());
-  return {p.x(), p.y(), p.z() - radius * radius / p.z()};
-}
-
-// A pose is R = base * exp(omega), t: omega starts at 0, far from where rotation vectors turn over.
-// Blocks: pose (omega, t), four control points, latency, readout. Residual: whitened, predicted minus measured.
-class OutlineCost final : public ceres::SizedCostFunction<2, 6, 3, 3, 3, 3, 1, 1> {
- public:
-  // `first`: of the piece of the path that the observation is on.
-  OutlineCost(solver::LensModel lens, const solver::LensParameters& parameters, const Matrix3d& base,
-              const BallObservation& o, double below, const BallPath& path, std::size_t first, double radius)
-      : lens_(lens),
-        parameters_(parameters),
-        base_(base),
-        measured_(o.px),
-        stamp_s_(o.t_s),
-        below_(below),
-        path_(path),
-        first_(first),
-        radius_(radius) {
-    whiten_ = Matrix2d(o.covariance.inverse()).llt().matrixL().transpose();
-  }
-
-  bool Evaluate(double const* const* blocks, double* residuals, double** jacobians) const override {
-    const Eigen::Map<const Vector3d> omega(blocks[0]), t(blocks[0] + 3);
-    const BallPath::Basis basis = path_.basis(stamp_s_ - blocks[5][0] + below_ * blocks[6][0], first_);
-    Vector3d p = Vector3d::Zero(), velocity = Vector3d::Zero();
-    for (std::size_t k = 0; k < 4; ++k) {
-      const Eigen::Map<const Vector3d> control(blocks[k + 1]);
-      p += basis.weight[k] * control;
-      velocity += basis.weight_per_s[k] * control;
-    }
-    const Matrix3d rotation = base_ * rotation_of(omega);
-    const Vector3d p_cam = rotation * p + t;
-    double z_by_z = 1;
-    const Vector3d outline = outline_point(solver::is_pinhole(lens_), p_cam, radius_, &z_by_z);
-    Vector2d px;
-    solver::PixelByPoint by_point;
-    const bool seen = solver::project(lens_, parameters_, outline, px, &by_point, nullptr) && px.allFinite();
-    Eigen::Map<Vector2d> r(residuals);
-    // Behind the camera there is no slope that leads back: the loss makes it an outlier.
-    r = seen ? Vector2d(whiten_ * (px - measured_)) : Vector2d::Constant(1e4);
-    if (!jacobians) return true;
-    by_point.col(2) *= z_by_z;
-    const Eigen::Matrix<double, 2, 3> by_cam = seen ? Eigen::Matrix<double, 2, 3>(whiten_ * by_point)
-                                                    : Eigen::Matrix<double, 2, 3>(Eigen::Matrix<double, 2, 3>::Zero());
-    if (jacobians[0]) {
-      Eigen::Map<Eigen::Matrix<double, 2, 6, Eigen::RowMajor>> j(jacobians[0]);
-      j.leftCols<3>() = -by_cam * rotation * cross_matrix(p) * right_jacobian(omega);
-      j.rightCols<3>() = by_cam;
-    }
-    const Eigen::Matrix<double, 2, 3> by_world = by_cam * rotation;
-    for (std::size_t k = 0; k < 4; ++k) {
-      if (jacobians[k + 1])
-        Eigen::Map<Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>{jacobians[k + 1]} = basis.weight[k] * by_world;
-    }
-    const Vector2d by_time = by_world * velocity;
-    if (jacobians[5]) Eigen::Map<Vector2d>{jacobians[5]} = -by_time;
-    if (jacobians[6]) Eigen::Map<Vector2d>{jacobians[6]} = below_ * by_time;
-    return true;
-  }
-
- private:
-  solver::LensModel lens_;
-  solver::LensParameters parameters_;
-  Matrix3d base_;
-  Vector2d measured_;
-  double stamp_s_, below_;
-  const BallPath& path_;  // for its knots
-  std::size_t first_;
-  double radius_;
-  Matrix2d whiten_;
-};
 
 struct PriorCost {
   double mean, sigma;
@@ -165,7 +70,7 @@ struct DistanceCost {  // of two cameras; t and omega are about their bases
   }
 };
 
-// Of all residuals, as the loss weighs them, by the blocks in this order.
+// Of all residuals, weighted by the loss; columns in the order of the blocks.
 Eigen::SparseMatrix<double> jacobian_of(ceres::Problem& problem, const std::vector<double*>& blocks) {
   ceres::Problem::EvaluateOptions options;
   options.parameter_blocks = blocks;
@@ -191,14 +96,14 @@ double log_determinant(const Eigen::SparseMatrix<double>& jacobian) {
   return solver.vectorD().array().max(1e-30).log().sum();
 }
 
-// The covariance of gain^T errors, for errors of unit variance that are correlated within each camera. gain: two rows
-// for each of the observations, in their order.
+// Covariance of gain^T e, for outline errors e of unit variance, correlated within each camera. gain: two rows per
+// observation.
 Eigen::MatrixXd propagated(const Eigen::MatrixXd& gain, const std::vector<BallObservation>& observations,
                            std::size_t cameras, const OutlineCorrelation& correlation) {
   const Eigen::Index n = gain.cols();
   const auto rows = 2 * static_cast<Eigen::Index>(observations.size());
   Eigen::MatrixXd sum =
-      (1 - correlation.lasting - correlation.slow) * gain.topRows(rows).transpose() * gain.topRows(rows);
+      (1 - correlation.constant_share - correlation.slow_share) * gain.topRows(rows).transpose() * gain.topRows(rows);
   for (std::size_t c = 0; c < cameras; ++c) {
     std::vector<std::size_t> own;
     for (std::size_t i = 0; i < observations.size(); ++i) {
@@ -206,7 +111,7 @@ Eigen::MatrixXd propagated(const Eigen::MatrixXd& gain, const std::vector<BallOb
     }
     std::ranges::stable_sort(own, {}, [&](std::size_t i) { return observations[i].t_s; });
     for (const Eigen::Index axis : {0, 1}) {
-      // A sum over all pairs of frames, of exp(-dt / slow_s): by what the earlier ones have left.
+      // Sum over all pairs of frames, weighted by exp(-dt / slow_s), recursively.
       Eigen::VectorXd all = Eigen::VectorXd::Zero(n), left = Eigen::VectorXd::Zero(n);
       Eigen::MatrixXd pairs = Eigen::MatrixXd::Zero(n, n);
       double before_s = 0;
@@ -218,14 +123,14 @@ Eigen::MatrixXd propagated(const Eigen::MatrixXd& gain, const std::vector<BallOb
         left += g;
         all += g;
       }
-      sum += correlation.slow * pairs + correlation.lasting * all * all.transpose();
+      sum += correlation.slow_share * pairs + correlation.constant_share * all * all.transpose();
     }
   }
   return sum;
 }
 
-// How much every residual (rows) moves poses and times, with the path eliminated; in the order of `wanted`, whose
-// blocks have `size` parameters in all.
+// Derivative of the estimated poses and times (columns, the `size` parameters of `wanted`) by the residuals (rows),
+// with the path eliminated (Schur complement).
 Eigen::MatrixXd gain_of(ceres::Problem& problem, const std::vector<double*>& wanted, Eigen::Index size,
                         const std::vector<double*>& points) {
   std::vector<double*> blocks = wanted;
@@ -250,7 +155,7 @@ Eigen::MatrixXd gain_of(ceres::Problem& problem, const std::vector<double*>& wan
   return (Eigen::MatrixXd(by_wanted) - by_point * path_by_wanted) * covariance;
 }
 
-class QuietLog {  // Ceres logs every step that it takes back
+class QuietLog {  // Ceres logs every rejected step
  public:
   QuietLog() : level_(FLAGS_minloglevel) { FLAGS_minloglevel = google::GLOG_FATAL; }
   ~QuietLog() { FLAGS_minloglevel = level_; }
@@ -261,8 +166,8 @@ class QuietLog {  // Ceres logs every step that it takes back
   int level_;
 };
 
-// The least squares of one adjustment. Ceres orders parameter blocks by their addresses, and the order decides the last
-// digits: each kind lies in one piece. The path's control points are moved where they are, in `state`, the times too.
+// Ceres orders parameter blocks by address, and the order decides the last digits: each kind lies in one array. Control
+// points and times are optimised in place, in `state`.
 class WaveProblem {
  public:
   WaveProblem(const calib::CameraRig& rig, const std::vector<BallObservation>& observations, WaveState& state,
@@ -283,10 +188,10 @@ class WaveProblem {
     add_times();
   }
 
-  // Moves `state`. Returns the cost. throws CalibrationError
+  // Returns the cost. throws CalibrationError
   double solve() {
     ceres::Solver::Options solver;
-    solver.num_threads = 1;  // the order of a sum decides its last digits
+    solver.num_threads = 1;  // deterministic
     solver.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
     solver.max_num_iterations = options_.max_iterations;
     solver.function_tolerance = 1e-8;
@@ -306,9 +211,9 @@ class WaveProblem {
     return summary.final_cost;
   }
 
-  // Whether every observation is still on the piece of the path that it was put on, or not far beyond it.
+  // Whether every observation is still near the piece of the path whose control points it depends on.
   bool is_on_its_pieces() const {
-    constexpr double most_beyond = 0.25;  // of a step; there the next piece is hardly another
+    constexpr double most_beyond = 0.25;  // steps; so far the polynomial of the neighbour hardly differs
     for (std::size_t i = 0; i < observations_.size(); ++i) {
       const double s =
           (exposed_s(observations_[i]) - state_.path.start_s) / state_.path.step_s - static_cast<double>(pieces_[i]);
@@ -325,7 +230,7 @@ class WaveProblem {
            3 * static_cast<double>(state_.path.control.size() - 3) * std::log(third_difference());
   }
 
-  // Sets both covariances of `fit`. variance: of the residuals, over what they were thought to have.
+  // Sets both covariances of `fit`. variance: of the whitened residuals.
   void covariance(WaveFit& fit, double variance) {
     std::vector<double*> points;
     for (Vector3d& p : state_.path.control) points.push_back(p.data());
@@ -368,10 +273,10 @@ class WaveProblem {
  private:
   double exposed_s(const BallObservation& o) const { return state_.exposed_s(rig_, o.camera, o.t_s, o.px); }
 
-  // The covariance that WaveAdjustmentOptions::wander_s adds.
+  // Covariance by WaveAdjustmentOptions::wander_s.
   Eigen::MatrixXd by_wander(const Eigen::MatrixXd& gain) const {
     constexpr double window_s = 1;
-    std::map<std::pair<int, int>, Eigen::VectorXd> moved;  // by camera and second, if that is a second early
+    std::map<std::pair<int, int>, Eigen::VectorXd> moved;  // by camera and second: derivative by its lag
     for (std::size_t i = 0; i < observations_.size() && !options_.wander_s.empty(); ++i) {
       const BallObservation& o = observations_[i];
       const auto c = static_cast<std::size_t>(o.camera);
@@ -400,33 +305,27 @@ class WaveProblem {
   }
 
   void add_observations() {
-    std::vector<solver::LensModel> lens;
-    std::vector<solver::LensParameters> parameters;
-    for (const calib::Camera& camera : rig_.cameras) {
-      lens.push_back(solver::lens_model_of(camera.model));
-      parameters.push_back(solver::parameters_of(camera.model));
-    }
     used_.assign(poses_.size(), false);
     std::vector<Vector3d>& control = state_.path.control;
-    // One for all of them, as it has no state. The problem owns it from the first residual on: without one nobody
-    // would.
+    // Shared, as it has no state; the problem owns it from the first residual on.
     ceres::LossFunction* loss = observations_.empty() ? nullptr : new ceres::CauchyLoss(options_.loss);
     for (const BallObservation& o : observations_) {
       const auto c = static_cast<std::size_t>(o.camera);
       const std::size_t first = state_.path.piece(exposed_s(o));
       pieces_.push_back(first);
-      problem_.AddResidualBlock(
-          new OutlineCost(lens[c], parameters[c], base_[c], o, below_middle(rig_.cameras[c], o.px), state_.path, first,
-                          options_.radius_m),
-          loss, poses_[c].data(), control[first].data(), control[first + 1].data(), control[first + 2].data(),
-          control[first + 3].data(), &state_.times[c].latency_s, &state_.times[c].readout_s);
+      problem_.AddResidualBlock(outline_cost(rig_.cameras[c], base_[c], o, below_middle(rig_.cameras[c], o.px),
+                                             state_.path, first, options_.radius_m)
+                                    .release(),
+                                loss, poses_[c].data(), control[first].data(), control[first + 1].data(),
+                                control[first + 2].data(), control[first + 3].data(), &state_.times[c].latency_s,
+                                &state_.times[c].readout_s);
       used_[c] = true;
     }
   }
 
   void add_times() {
     const auto add_prior = [&](double* x, double mean, double sigma) {
-      constexpr double loss = 3;  // a prior that what is seen contradicts is not believed
+      constexpr double loss = 3;  // sigmas; a contradicted prior loses weight
       problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<PriorCost, 1, 1>(new PriorCost{mean, sigma}),
                                 new ceres::CauchyLoss(loss), x);
     };
@@ -466,13 +365,13 @@ class WaveProblem {
                               nullptr, poses_[a].data(), poses_[b].data());
   }
 
-  // Of the path's control points, for white jerk: over a longer step it averages out.
+  // Standard deviation of a third difference of control points, for white jerk.
   double third_difference() const {
     const double h = state_.path.step_s;
     return options_.jerk_m_s3 * std::sqrt(1 / (30 * h)) * h * h * h;
   }
 
-  // What is free, and the observations say something about.
+  // Estimated: free, and observed.
   bool is_free_pose(std::size_t c) const {
     return !options_.hold_poses && static_cast<int>(c) != options_.reference && used_[c];
   }
@@ -480,7 +379,7 @@ class WaveProblem {
   bool has_free_latency(std::size_t c) const {
     return has_free_readout(c) && static_cast<int>(c) != options_.time_reference;
   }
-  // Poses, then times, in the order of the cameras.
+  // Poses, then times, by camera.
   std::vector<double*> free_blocks() {
     std::vector<double*> blocks;
     for (std::size_t c = 0; c < poses_.size(); ++c) {
@@ -500,20 +399,11 @@ class WaveProblem {
   std::vector<std::array<double, 6>> poses_;  // rotation vector on top of base_, translation
   std::vector<Matrix3d> base_;
   std::vector<bool> used_;
-  std::vector<std::size_t> pieces_;  // beside the observations: of the path
-  ceres::Problem problem_;           // last: it ends first
+  std::vector<std::size_t> pieces_;  // per observation: of the path
+  ceres::Problem problem_;           // last: destroyed first
 };
 
 }  // namespace
-
-std::optional<Vector2d> outline_centre(const calib::CameraModel& model, const Vector3d& p_cam, double radius_m) {
-  double unused = 1;
-  const bool pinhole = std::holds_alternative<calib::PinholeRadtan>(model.lens());
-  if (pinhole && p_cam.z() <= 0) return std::nullopt;
-  const auto px = model.project(outline_point(pinhole, p_cam, radius_m, &unused));
-  if (!px) return std::nullopt;
-  return px->px;
-}
 
 double below_middle(const calib::Camera& camera, const Vector2d& px) {
   return camera.image_size.height > 1 ? px.y() / (camera.image_size.height - 1) - 0.5 : 0;
@@ -530,7 +420,7 @@ WaveFit adjust_wave(const calib::CameraRig& rig, const std::vector<BallObservati
   state.times.resize(rig.cameras.size());
   WaveFit fit;
   std::optional<WaveProblem> problem;
-  constexpr int most_rounds = 8;  // as the times move, observations move on along the path
+  constexpr int most_rounds = 8;  // as times change, observations move to other pieces of the path
   for (int round = 0; round < most_rounds; ++round) {
     problem.emplace(rig, observations, state, options);
     fit.cost = problem->solve();

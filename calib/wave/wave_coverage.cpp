@@ -11,8 +11,8 @@
 namespace huetrack::wave {
 namespace {
 
-constexpr double moved_px = 1.5;     // as still regions are told by, in ball_finder.h
-constexpr double together_s = 0.05;  // of frames of one moment, whose stamps are late by what nobody knows
+constexpr double moved_px = 1.5;     // as in remove_still_regions()
+constexpr double together_s = 0.05;  // frames of one moment: latencies are not known yet
 constexpr double now_s = 0.3;
 constexpr std::size_t most_radii = 3000;
 
@@ -39,20 +39,20 @@ void WaveCoverage::add(const BallFrame& frame, std::size_t ball_number) {
   PerCamera& camera = cameras_[c];
   if (camera.before.size() <= ball_number) camera.before.resize(ball_number + 1);
   std::vector<Eigen::Vector2d>& before = camera.before[ball_number];
-  ++camera.told.frames;
+  ++camera.counted.frames;
   camera.newest_s = frame.t_s;
   const auto has_moved = [&](const color::ColorRegion& region) {
     return std::ranges::none_of(before,
                                 [&](const Eigen::Vector2d& px) { return (px - region.centre).norm() < moved_px; });
   };
   const auto ball = std::ranges::find_if(frame.regions, has_moved);  // the largest comes first
-  if (ball != frame.regions.end() && camera.told.frames > 1) {
+  if (ball != frame.regions.end() && camera.counted.frames > 1) {
     const auto part = [](double px, int size, int parts) {
       return std::clamp(int((px + 0.5) / size * parts), 0, parts - 1);
     };
-    ++camera.told.sightings;
-    ++camera.told.parts[std::size_t(part(ball->centre.y(), sizes_[c].height, rows) * columns +
-                                    part(ball->centre.x(), sizes_[c].width, columns))];
+    ++camera.counted.sightings;
+    ++camera.counted.parts[std::size_t(part(ball->centre.y(), sizes_[c].height, rows) * columns +
+                                       part(ball->centre.x(), sizes_[c].width, columns))];
     if (camera.radii_px.size() < most_radii) camera.radii_px.push_back(float(std::sqrt(ball->area / std::numbers::pi)));
     camera.seen_at_s = frame.t_s;
     for (std::size_t o = 0; o < cameras_.size(); ++o)
@@ -64,9 +64,9 @@ void WaveCoverage::add(const BallFrame& frame, std::size_t ball_number) {
 }
 
 std::vector<WaveCoverage::OfCamera> WaveCoverage::cameras() const {
-  std::vector<OfCamera> told;
+  std::vector<OfCamera> out;
   for (const PerCamera& camera : cameras_) {
-    OfCamera& one = told.emplace_back(camera.told);
+    OfCamera& one = out.emplace_back(camera.counted);
     one.is_seen_now = camera.newest_s - camera.seen_at_s < now_s;
     if (camera.radii_px.empty()) continue;
     std::vector<float> radii = camera.radii_px;
@@ -74,7 +74,7 @@ std::vector<WaveCoverage::OfCamera> WaveCoverage::cameras() const {
     one.smallest_px = double(radii[radii.size() / 10]);
     one.largest_px = double(radii[radii.size() - 1 - radii.size() / 10]);
   }
-  return told;
+  return out;
 }
 
 std::vector<std::string> WaveCoverage::needs() const {
@@ -84,7 +84,7 @@ std::vector<std::string> WaveCoverage::needs() const {
     if (of[c].sightings == 0) needs.push_back(names_[c] + " has not seen it move yet");
   const auto shared_of = [this](std::size_t a, std::size_t b) { return shared(a, b); };
   for (const auto& [a, b, together] : calib::missing_links(of.size(), shared_of, enough_shared)) {
-    if (of[a].sightings == 0 && of[b].sightings == 0) continue;  // both are told to have seen nothing
+    if (of[a].sightings == 0 && of[b].sightings == 0) continue;  // already reported above
     needs.push_back(fmt::format("wave it where {} and {} see it together: {} of {} moments", names_[a], names_[b],
                                 together, enough_shared));
   }

@@ -19,21 +19,19 @@ using calib::index;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-// In standard deviations: beyond these an observation counts less and less; at first, when everything may be wrong.
+// Scale of the robust loss, in standard deviations: finally, and for the first rough poses.
 constexpr double robust_sigmas = 3, rough_robust_sigmas = 6;
-// In standard deviations, how far a region may be off for the ball: from the first poses, from better ones, in the end.
+// Association gates, in standard deviations: for the first poses, for better ones, finally.
 constexpr double first_sigmas = 20, rough_sigmas = 8, final_sigmas = 4;
 
-// A region's width over a whole ball's, beyond which its centre tells nothing: hidden for the most part, or run into
-// something else.
+// Limits of a region's width over a whole ball's: beyond, it is mostly hidden, or merged with something else.
 constexpr double narrowest = 0.75, widest = 1.6;
-// Within these limits its centre is off by up to some times what its width is off, but for what is usual.
+// Within these limits the error of the centre grows with the misfit of the width, beyond the usual one.
 constexpr double usual_misfit = 0.04, centre_per_misfit = 4;
 constexpr double variance_of_radius2 = 4e-4;  // see WaveOptions::pixel_noise_px
-// A frame costs no more than this, squared standard deviations, however wrong it is.
-constexpr double most_cost = 20;
+constexpr double most_cost = 20;              // of one frame in misfit(), squared standard deviations
 
-// How wide a region is along its axes, minor first, as the radius of a disc; and its axes.
+// Widths of a region along its principal axes, minor first, as radii of a disc.
 struct Shape {
   Eigen::Matrix2d axes;
   Vector2d width_px;
@@ -44,9 +42,9 @@ Shape shape_of(const color::ColorRegion& region) {
   return {solver.eigenvectors(), 2 * solver.eigenvalues().cwiseMax(0).cwiseSqrt()};
 }
 
-// Whether every camera has frames at the times of the first one's.
+// Whether the cameras' stamps are synchronised.
 bool are_in_step(const std::vector<std::vector<double>>& times) {
-  constexpr double same_s = 5e-4, most = 0.9;  // stamps are told to a tenth of a millisecond; a frame may be lost
+  constexpr double same_s = 5e-4, most = 0.9;  // stamps are rounded to 0.1 ms; frames may be lost
   if (times.front().empty()) return false;
   for (const auto& of_camera : times) {
     const auto same = std::ranges::count_if(of_camera, [&](double t) {
@@ -58,16 +56,16 @@ bool are_in_step(const std::vector<std::vector<double>>& times) {
   return true;
 }
 
-// What the rig says; or webcams in general: their stamps are up to 45 ms late, and their rows take up to 33 ms. Cameras
-// that are stamped alike are triggered, and mostly have a global shutter: that is believed until it is contradicted.
+// From the rig file; otherwise webcams in general: latencies up to 45 ms, readouts up to 33 ms. Synchronised cameras
+// are triggered, and mostly have a global shutter.
 TimePrior time_prior(const calib::CameraTiming& timing, bool in_step) {
   const double any_latency_s = in_step ? 2e-4 : 0.05, any_readout_s = in_step ? 5e-4 : 0.03;  // standard deviations
-  constexpr double noted_s = 0.005;  // of a number that says nothing about its own
+  constexpr double noted_s = 0.005;  // of a value without its own uncertainty
   TimePrior prior;
   prior.time = {timing.latency_s.value_or(0), timing.readout_s.value_or(0)};
   prior.latency_sigma_s = timing.latency_s ? timing.latency_sigma_s.value_or(noted_s) : any_latency_s;
   prior.readout_sigma_s = timing.readout_s ? timing.readout_sigma_s.value_or(noted_s) : any_readout_s;
-  // A prior, however sure it is, must leave the adjustment room.
+  // Keeps the problem well conditioned.
   constexpr double surest_s = 1e-5;
   prior.latency_sigma_s = std::max(surest_s, prior.latency_sigma_s);
   prior.readout_sigma_s = std::max(surest_s, prior.readout_sigma_s);
@@ -90,12 +88,12 @@ WaveSolution::WaveSolution(const calib::CameraRig& rig, const std::vector<BallFr
     const double gap = frame_s_.emplace_back(calib::median(std::move(gaps)));
     if (gap > 0) step_s_ = std::min(step_s_, gap), longest_s_ = std::max(longest_s_, gap);
   }
-  // The largest region to begin with.
+  // Initially the largest region.
   for (std::size_t f = 0; f < frames_->size(); ++f) chosen_[f] = (*frames_)[f].regions.empty() ? -1 : 0;
   find_span();
 }
 
-// From when to when the ball was seen.
+// Time span in which the ball was seen.
 void WaveSolution::find_span() {
   from_s_ = std::numeric_limits<double>::infinity(), to_s_ = -from_s_;
   for (const BallFrame& f : *frames_) {
@@ -110,42 +108,43 @@ void WaveSolution::solve(const WaveStart& start, bool any_scale) {
   state_.cam_from_world = start.cam_from_world;
   for (std::size_t c = 0; c < start.later_s.size(); ++c) state_.times[c].latency_s += start.later_s[c];
   find_span();
-  constexpr double most_late_s = 0.1;  // what may yet be learnt of a camera's times
-  std::size_t crossed = 0;
-  state_.path = crossed_path(rig_, state_.cam_from_world, tracks(), from_s_ - most_late_s, to_s_ + most_late_s, step_s_,
-                             &crossed);
-  if (crossed < index(least_shared)) {
+  constexpr double most_late_s = 0.1;  // correction of a latency still to come
+  std::size_t triangulated_count = 0;
+  state_.path = triangulated_path(rig_, state_.cam_from_world, tracks(), from_s_ - most_late_s, to_s_ + most_late_s,
+                                  step_s_, &triangulated_count);
+  if (triangulated_count < index(least_shared)) {
     throw solver::CalibrationError(
-        "the cameras' rays to the ball hardly ever meet with the poses that the rig has (" + std::to_string(crossed) +
+        "the cameras' rays to the ball hardly ever meet with the poses that the rig has (" +
+        std::to_string(triangulated_count) +
         " times): the poses are far off, the cameras' names are swapped, or they see different things");
   }
   WaveAdjustmentOptions o = adjustment_options();
-  // First everything may be wrong by much; then whatever agrees by its own covariance.
+  // First with wide gates and equal weights, then with each observation's own covariance.
   rough_ = true;
   o.loss = rough_robust_sigmas;
   for (int round = 0; round < 2; ++round) {
-    tell("the poses, roughly", round);
+    report_progress("the poses, roughly", round);
     fit_ = adjust_wave(rig_, observations(), state_, o);
-    choose(round == 0 ? first_sigmas : rough_sigmas);
+    associate(round == 0 ? first_sigmas : rough_sigmas);
     o.loss = robust_sigmas;
     if (any_scale) Similarity{.scale = 1 / size_ratio()}.apply(state_);
   }
   learn_shapes();
   rough_ = false;
-  choose(rough_sigmas);
+  associate(rough_sigmas);
   refine(WaveSteps::refined);
 }
 
 void WaveSolution::refine(int step) {
   WaveAdjustmentOptions o = adjustment_options();
   for (int round = 0; round < WaveSteps::most_rounds; ++round) {
-    tell("the poses and the ball's path", step + round);
+    report_progress("the poses and the ball's path", step + round);
     learn_shapes();
     if (round == 1 || round == 3) learn_jerk();
     o.jerk_m_s3 = jerk_m_s3_;
     fit_ = adjust_wave(rig_, observations(), state_, o);
     const std::vector<int> before = chosen_;
-    choose(final_sigmas);
+    associate(final_sigmas);
     if (round >= 3 && chosen_ == before) break;
   }
 }
@@ -201,16 +200,16 @@ BallTracks WaveSolution::tracks() const {
   return t;
 }
 
-std::vector<TimeSigns> WaveSolution::signs() const {
-  std::vector<std::vector<LagSample>> samples(rig_.cameras.size());
+std::vector<TimingDiagnostics> WaveSolution::timing() const {
+  std::vector<std::vector<TimingSample>> samples(rig_.cameras.size());
   for (std::size_t number = 0; number < frames_->size(); ++number) {
     const BallFrame& f = (*frames_)[number];
     const std::size_t c = index(f.camera);
     const auto predicted = [&](double t_s) {
       return outline_centre(rig_.cameras[c].model, state_.cam_from_world[c] * state_.path.at(t_s), options_.radius_m);
     };
-    // What was not used is taken for the ball if it is where the ball was, or will be, a few frames off.
-    std::optional<LagSample> best;
+    // Unused regions count if the ball was there within a few frames: a lag may be why they were not used.
+    std::optional<TimingSample> best;
     for (const color::ColorRegion& region : f.regions) {
       constexpr double soon_s = 1e-3, most_frames = 5, near_px = 10;
       const double t_s = exposed_s(f, region);
@@ -218,16 +217,16 @@ std::vector<TimeSigns> WaveSolution::signs() const {
       if (!at || !soon) continue;
       const auto look = appearance(f, region);
       const auto covariance = look ? covariance_of(number, region, *look) : std::nullopt;
-      constexpr double most_sigma_px = 1;  // beyond, it is hidden in part, or not the ball alone
+      constexpr double most_sigma_px = 1;  // beyond, it is partly hidden or merged
       if (!covariance || covariance->trace() > 2 * most_sigma_px * most_sigma_px) continue;
-      const LagSample sample{t_s, region.centre - *at, (*soon - *at) / soon_s};
+      const TimingSample sample{t_s, region.centre - *at, (*soon - *at) / soon_s};
       if (sample.residual.norm() > near_px + most_frames * longest_s_ * sample.velocity.norm()) continue;
       if (!best || sample.residual.norm() < best->residual.norm()) best = sample;
     }
     if (best) samples[c].push_back(*best);
   }
-  std::vector<TimeSigns> out;
-  for (std::size_t c = 0; c < samples.size(); ++c) out.push_back(time_signs(samples[c], frame_s_[c]));
+  std::vector<TimingDiagnostics> out;
+  for (std::size_t c = 0; c < samples.size(); ++c) out.push_back(timing_diagnostics(samples[c], frame_s_[c]));
   return out;
 }
 
@@ -242,7 +241,7 @@ std::vector<BallObservation> WaveSolution::observations() const {
   return out;
 }
 
-void WaveSolution::tell(const char* step, int done) const {
+void WaveSolution::report_progress(const char* step, int done) const {
   if (options_.progress) options_.progress(step, done, WaveSteps::all);
 }
 
@@ -255,7 +254,7 @@ WaveAdjustmentOptions WaveSolution::adjustment_options() const {
   o.radius_m = options_.radius_m;
   o.loss = robust_sigmas;
   o.jerk_m_s3 = jerk_m_s3_;
-  // The scale is held by the two cameras that are furthest apart.
+  // The two cameras that are furthest apart hold the scale.
   double furthest = -1;
   for (std::size_t a = 0; a < rig_.cameras.size(); ++a) {
     for (std::size_t b = a + 1; b < rig_.cameras.size(); ++b) {
@@ -275,9 +274,9 @@ WaveAdjustmentOptions WaveSolution::adjustment_options() const {
   for (std::size_t c = 0; c < o.times.size(); ++c) {
     TimePrior& prior = o.times[c];
     const calib::CameraTiming& timing = rig_.cameras[c].timing;
-    // Against the first camera's, which stays.
+    // Relative to the first camera's, which is held.
     prior.latency_sigma_s = std::hypot(prior.latency_sigma_s, rig_.cameras[0].timing.latency_sigma_s.value_or(0));
-    // What the rig is sure of, and is wrong by now, would not let go once the rest is fitted to it.
+    // A tight prior that is wrong would pull everything else along.
     const TimePrior any;
     if (rough_ && timing.latency_s) prior.latency_sigma_s = any.latency_sigma_s;
     if (rough_ && timing.readout_s) prior.readout_sigma_s = any.readout_sigma_s;
@@ -296,8 +295,7 @@ std::optional<object_tracking::Appearance> WaveSolution::appearance(const BallFr
   return at;
 }
 
-// How jerky the waving was: the smoother the path may be taken, the more it tells of the cameras. The most likely
-// one.
+// Jerk of the waving by maximum evidence: the smoother the path, the better it constrains the cameras.
 void WaveSolution::learn_jerk() {
   const std::vector<BallObservation> seen = observations();
   const auto evidence_for = [&](double jerk) {
@@ -308,7 +306,7 @@ void WaveSolution::learn_jerk() {
     o.with_evidence = true;
     return adjust_wave(rig_, seen, trial, o).evidence;
   };
-  constexpr double step = 1.8, least = 0.3, most = 1000;  // m/s^3: as if carried by a crane, and as if thrown
+  constexpr double step = 1.8, least = 0.3, most = 1000;  // m/s^3: from a crane to a throw
   double best = evidence_for(jerk_m_s3_);
   for (const double factor : {1 / step, step}) {
     bool moved = false;
@@ -323,8 +321,8 @@ void WaveSolution::learn_jerk() {
   }
 }
 
-// What whole balls look like to each camera: blur and shared chroma widen them, by a square that is the same at all
-// sizes. The upper half of what was seen, as hidden ones are narrow.
+// Blur and shared chroma widen a ball's outline by a constant square, per camera and axis: a quantile above the median,
+// as partly hidden balls are narrow.
 void WaveSolution::learn_shapes() {
   std::vector<std::array<std::vector<double>, 2>> excess(rig_.cameras.size());
   for (std::size_t f = 0; f < frames_->size(); ++f) {
@@ -342,7 +340,7 @@ void WaveSolution::learn_shapes() {
     for (const std::size_t i : {0u, 1u}) {
       auto& values = excess[c][i];
       if (values.empty()) continue;
-      constexpr double share = 0.6;  // a little above the middle
+      constexpr double share = 0.6;  // quantile
       const auto at = values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size()));
       std::ranges::nth_element(values, at);
       blur2_[c][static_cast<int>(i)] = *at;
@@ -350,8 +348,8 @@ void WaveSolution::learn_shapes() {
   }
 }
 
-// A region that is narrower than a whole ball is partly hidden, one that is wider has something else in it, and its
-// centre is off by as much: of little use here, where there are many others. nullopt: of none.
+// The further a region's width is from a whole ball's (partly hidden, or merged), the larger its covariance. nullopt:
+// too far to be used.
 std::optional<Eigen::Matrix2d> WaveSolution::covariance_of(std::size_t f, const color::ColorRegion& region,
                                                            const object_tracking::Appearance& at) const {
   if (rough_) return Eigen::Matrix2d(Eigen::Matrix2d::Identity());
@@ -368,7 +366,7 @@ std::optional<Eigen::Matrix2d> WaveSolution::covariance_of(std::size_t f, const 
   return Eigen::Matrix2d(shape.axes * variance.asDiagonal() * shape.axes.transpose());
 }
 
-// How badly a region suits the path; nullopt: not at all.
+// Squared Mahalanobis distance of a region from the path; nullopt: not comparable.
 std::optional<double> WaveSolution::cost_of(std::size_t f, const color::ColorRegion& region) const {
   const auto at = appearance((*frames_)[f], region);
   if (!at) return std::nullopt;
@@ -378,8 +376,8 @@ std::optional<double> WaveSolution::cost_of(std::size_t f, const color::ColorReg
   return d.dot(covariance->inverse() * d);
 }
 
-// Of every frame the region that suits the path best, if any does to `sigmas`.
-void WaveSolution::choose(double sigmas) {
+// Nearest neighbour: per frame the region with the least cost, within the gate.
+void WaveSolution::associate(double sigmas) {
   for (std::size_t f = 0; f < frames_->size(); ++f) {
     chosen_[f] = -1;
     double best = sigmas * sigmas;

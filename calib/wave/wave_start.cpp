@@ -60,9 +60,9 @@ std::vector<double> BallTracks::shared(std::size_t a, std::size_t b) const {
   return times;
 }
 
-std::optional<Vector3d> crossing(const calib::CameraRig& rig, const std::vector<calib::Rigid3d>& cam_from_world,
-                                 const std::vector<bool>& use, const BallTracks& tracks, double t_s) {
-  constexpr double most_off = 0.35;  // radians between a ray and the crossing: the poses may be well off
+std::optional<Vector3d> triangulated(const calib::CameraRig& rig, const std::vector<calib::Rigid3d>& cam_from_world,
+                                     const std::vector<bool>& use, const BallTracks& tracks, double t_s) {
+  constexpr double most_off = 0.35;  // rad between a ray and the point: initial poses are rough
   Matrix3d sum = Matrix3d::Zero();
   Vector3d right = Vector3d::Zero();
   std::vector<std::pair<Vector3d, Vector3d>> rays;  // centre, direction
@@ -90,19 +90,19 @@ std::optional<Vector3d> crossing(const calib::CameraRig& rig, const std::vector<
   return p;
 }
 
-BallPath crossed_path(const calib::CameraRig& rig, const std::vector<calib::Rigid3d>& cam_from_world,
-                      const BallTracks& tracks, double from_s, double to_s, double step_s, std::size_t* crossed) {
+BallPath triangulated_path(const calib::CameraRig& rig, const std::vector<calib::Rigid3d>& cam_from_world,
+                           const BallTracks& tracks, double from_s, double to_s, double step_s, std::size_t* count) {
   BallPath path = BallPath::over(from_s, to_s, step_s);
   const std::vector<bool> all(rig.cameras.size(), true);
   std::vector<std::size_t> known;
   for (std::size_t k = 0; k < path.control.size(); ++k) {
-    const double t = from_s + (static_cast<double>(k) - 1) * step_s;  // where this control point has most weight
-    if (const auto p = crossing(rig, cam_from_world, all, tracks, t)) {
+    const double t = from_s + (static_cast<double>(k) - 1) * step_s;  // where its weight is largest
+    if (const auto p = triangulated(rig, cam_from_world, all, tracks, t)) {
       path.control[k] = *p;
       known.push_back(k);
     }
   }
-  *crossed = known.size();
+  *count = known.size();
   if (known.empty()) return path;
   for (std::size_t k = 0; k < known.front(); ++k) path.control[k] = path.control[known.front()];
   for (std::size_t k = known.back() + 1; k < path.control.size(); ++k) path.control[k] = path.control[known.back()];
@@ -121,18 +121,15 @@ double focal_of(const calib::Camera& camera) {
   return (camera.model.fx() + camera.model.fy()) / 2;
 }
 
-constexpr double reach_px = 2;            // of an inlier
-constexpr std::size_t least_common = 12;  // observations that two cameras, or a camera and the path, must agree in
+constexpr double reach_px = 2;            // residual of an inlier
+constexpr std::size_t least_common = 12;  // inliers of two cameras, or of a camera and the path
 
-// Of what two cameras, or a camera and the path, have in common, that agrees where their times are right; with fewer,
-// it is tried whether one of them is late.
+// Inlier share of synchronised cameras; with fewer, latencies are searched over this range and step.
 constexpr double most_agree = 0.7;
-// How late a camera's stamps may be against another's, and how finely that is looked for.
 constexpr double most_late_s = 0.06, late_step_s = 0.005;
 
-// Calls `agreement(later_s)`, which counts, first for 0 and then, if that is little of `all`, for others. Returns the
-// best.
-double most_agreed(std::size_t all, auto&& agreement) {
+// Latency with the most inliers. agreement(later_s): their number, of `all`.
+double best_latency(std::size_t all, auto&& agreement) {
   int best = agreement(0.0);
   double best_s = 0;
   if (best >= most_agree * static_cast<double>(all)) return best_s;
@@ -152,7 +149,7 @@ struct FirstPair {
   calib::Rigid3d b_from_a;
 };
 
-// How two cameras agree on how the ball moved, by their essential matrix, if the second one's stamps are so much later.
+// Relative pose of two cameras by their essential matrix, if the stamps of b are later_s late.
 FirstPair pair_of(const calib::CameraRig& rig, const BallTracks& tracks, std::size_t a, std::size_t b, double later_s) {
   FirstPair pair{a, b, 0, later_s, {}};
   std::vector<cv::Point2d> in_a, in_b;
@@ -165,7 +162,7 @@ FirstPair pair_of(const calib::CameraRig& rig, const BallTracks& tracks, std::si
     in_b.push_back(*pb);
   }
   if (in_a.size() < least_common) return pair;
-  // OpenCV's RANSAC has a seed of its own: the same input gives the same answer.
+  // OpenCV's RANSAC has a fixed seed: deterministic.
   const cv::Mat identity = cv::Mat::eye(3, 3, CV_64F);
   cv::Mat mask, rotation, translation;
   const cv::Mat essential =
@@ -177,12 +174,12 @@ FirstPair pair_of(const calib::CameraRig& rig, const BallTracks& tracks, std::si
   return pair;
 }
 
-// The two cameras that agree most on how the ball moved. throws CalibrationError
+// The pair with most inliers. throws CalibrationError
 FirstPair first_pair(const calib::CameraRig& rig, const BallTracks& tracks) {
   FirstPair best;
   for (std::size_t a = 0; a < rig.cameras.size(); ++a) {
     for (std::size_t b = a + 1; b < rig.cameras.size(); ++b) {
-      most_agreed(tracks.shared(a, b).size(), [&](double later_s) {
+      best_latency(tracks.shared(a, b).size(), [&](double later_s) {
         const FirstPair pair = pair_of(rig, tracks, a, b, later_s);
         if (pair.inliers > best.inliers) best = pair;
         return pair.inliers;
@@ -196,18 +193,18 @@ FirstPair first_pair(const calib::CameraRig& rig, const BallTracks& tracks) {
   return best;
 }
 
-// A camera that is not placed yet, and what it saw of the path that those before it make.
+// A camera without a pose, and its views of the path of those that have one.
 struct NextCamera {
   std::size_t camera = 0;
   std::vector<cv::Point3d> points;
-  std::vector<cv::Point2d> seen;  // beside the points, on the plane z = 1
+  std::vector<cv::Point2d> seen;  // of each point, on the plane z = 1
 };
 
 NextCamera common_of(const calib::CameraRig& rig, const std::vector<calib::Rigid3d>& poses,
                      const std::vector<bool>& placed, const BallTracks& tracks, std::size_t camera, double later_s) {
   NextCamera common{camera, {}, {}};
   for (const BallTracks::Point& p : tracks.of_camera[camera]) {
-    const auto p_world = crossing(rig, poses, placed, tracks, p.t_s - later_s);
+    const auto p_world = triangulated(rig, poses, placed, tracks, p.t_s - later_s);
     const auto plane = on_plane(rig.cameras[camera].model, p.px);
     if (!plane || !p_world) continue;
     common.points.emplace_back(p_world->x(), p_world->y(), p_world->z());
@@ -216,7 +213,7 @@ NextCamera common_of(const calib::CameraRig& rig, const std::vector<calib::Rigid
   return common;
 }
 
-// The one that shares most with those that are placed; no points: there is none.
+// The one with most shared points; no points: none shares any.
 NextCamera next_camera(const calib::CameraRig& rig, const std::vector<calib::Rigid3d>& poses,
                        const std::vector<bool>& placed, const BallTracks& tracks) {
   NextCamera next;
@@ -229,11 +226,31 @@ NextCamera next_camera(const calib::CameraRig& rig, const std::vector<calib::Rig
 }
 
 struct PathPose {
-  int inliers = 0;  // fewer than least_common: too little of what it saw agrees with the path
+  int inliers = 0;  // fewer than least_common: no pose
   calib::Rigid3d cam_from_world;
 };
 
-PathPose pose_from_path(const calib::CameraRig& rig, const NextCamera& next) {
+// Without repeated points, as of a ball at rest.
+NextCamera thinned(const NextCamera& all) {
+  constexpr double least_apart = 0.05;  // of the rms distance from the mean
+  cv::Point3d mean;
+  double squares = 0;
+  const auto count = static_cast<double>(all.points.size());
+  for (const cv::Point3d& p : all.points) mean += p / count;
+  for (const cv::Point3d& p : all.points) squares += (p - mean).dot(p - mean) / count;
+  NextCamera out{all.camera, {}, {}};
+  for (std::size_t i = 0; i < all.points.size(); ++i) {
+    const auto is_near = [&](const cv::Point3d& p) {
+      return cv::norm(p - all.points[i]) < least_apart * std::sqrt(squares);
+    };
+    if (std::ranges::any_of(out.points, is_near)) continue;
+    out.points.push_back(all.points[i]);
+    out.seen.push_back(all.seen[i]);
+  }
+  return out;
+}
+
+PathPose pose_by_pnp(const calib::CameraRig& rig, const NextCamera& next) {
   if (next.points.size() < least_common) return {};
   cv::Mat rotation_vector, translation, rotation, inliers;
   if (!cv::solvePnPRansac(
@@ -243,6 +260,18 @@ PathPose pose_from_path(const calib::CameraRig& rig, const NextCamera& next) {
     return {};
   cv::Rodrigues(rotation_vector, rotation);
   return {inliers.rows, pose_of(rotation, translation)};
+}
+
+PathPose pose_from_path(const calib::CameraRig& rig, const NextCamera& next) {
+  try {
+    return pose_by_pnp(rig, next);
+  } catch (const cv::Exception&) {  // SQPnP throws for samples of points at one place
+  }
+  try {
+    return pose_by_pnp(rig, thinned(next));
+  } catch (const cv::Exception&) {
+    return {};
+  }
 }
 
 }  // namespace
@@ -263,7 +292,7 @@ WaveStart start_from_nothing(const calib::CameraRig& rig, BallTracks tracks) {
   place(pair.b, pair.b_from_a, pair.b_later_s);
   for (std::size_t round = 2; round < n; ++round) {
     const NextCamera next = next_camera(rig, poses, placed, tracks);
-    const double later_s = most_agreed(next.points.size(), [&](double s) {
+    const double later_s = best_latency(next.points.size(), [&](double s) {
       return pose_from_path(rig, common_of(rig, poses, placed, tracks, next.camera, s)).inliers;
     });
     const PathPose pose = pose_from_path(rig, common_of(rig, poses, placed, tracks, next.camera, later_s));
@@ -272,12 +301,16 @@ WaveStart start_from_nothing(const calib::CameraRig& rig, BallTracks tracks) {
       for (std::size_t c = 0; c < n; ++c) {
         if (!placed[c]) names.emplace_back(rig.cameras[c].name);
       }
-      throw solver::CalibrationError(fmt::format("{}: cannot be placed", fmt::to_string(fmt::join(names, ", "))),
-                                     solver::Fault::unplaced_camera);
+      throw solver::CalibrationError(
+          fmt::format(
+              "{}: cannot be placed: its regions of the target's colour do not fit the ball's path as the other "
+              "cameras saw it",
+              fmt::to_string(fmt::join(names, ", "))),
+          solver::Fault::unplaced_camera);
     }
     place(next.camera, pose.cam_from_world, later_s);
   }
-  // The first camera's latency is what all others are told against.
+  // Latencies are relative to the first camera's.
   const double first_s = start.later_s[0];
   for (double& later_s : start.later_s) later_s -= first_s;
   return start;

@@ -55,12 +55,12 @@ Recording recorded(const std::filesystem::path& folder) {
   std::vector<double> stamps;
   while (const auto frame = source.next({})) {
     background.add(*frame);
-    auto found = finder.look(*frame);
+    auto found = finder.detect(*frame);
     if (!found) continue;
     frames.push_back(std::move(*found));
     stamps.push_back(capture::seconds(frame->stamped_at));
   }
-  wave::sharpen(frames, background, r.start);
+  wave::refine_outlines(frames, background, r.start);
   r.scene.resize(names.size());
   for (std::size_t i = 0; i < frames.size(); ++i) {
     Seen& of = r.scene[static_cast<std::size_t>(frames[i].camera)];

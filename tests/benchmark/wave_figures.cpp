@@ -129,7 +129,7 @@ void print_bound(const figures::Sequence& sequence, const std::vector<object_tra
   wave::WaveAdjustmentOptions options;
   options.radius_m = targets.front().radius_m;
   options.loss = 1000;
-  options.correlation = {.lasting = 0, .slow = 0};
+  options.correlation = {.constant_share = 0, .slow_share = 0};
   options.with_covariance = true;
   const wave::WaveFit fit = wave::adjust_wave(sequence.rig, observations, state, options);
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> axes(fit.covariance);
@@ -205,10 +205,10 @@ Waved look_at(const figures::Sequence& sequence, const Case& c) {
     for (const capture::FrameSet& set : sequence.sets) {
       for (const auto& frame : set.frames) {
         if (!frame) continue;
-        if (auto found = finder.look(*frame)) of_balls.back().push_back(std::move(*found));
+        if (auto found = finder.detect(*frame)) of_balls.back().push_back(std::move(*found));
       }
     }
-    wave::sharpen(of_balls.back(), background, sequence.rig);
+    wave::refine_outlines(of_balls.back(), background, sequence.rig);
     const double noise = outline_noise(sequence, target, of_balls.back());
     noise2 += noise * noise / static_cast<double>(c.targets.size());
     for (const figures::TruthRow& row : sequence.truth.at(target.name)) out.path.push_back(row.position);

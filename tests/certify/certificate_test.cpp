@@ -17,7 +17,7 @@ using Eigen::Vector3d;
 using testing::HasSubstr;
 using testing::Not;
 
-TEST(Certificate, ItsUncertaintyCoversNineteenOfTwentyLengthsThatAreMeasuredLater) {
+TEST(Certificate, ExpandedUncertaintyCoversFutureLengths) {
   for (const double scale : {1.0, 1.01}) {  // without and with a mistake that is in all of them
     const Certificate c = certificate_of(CarriedBar{.scale = scale}.lengths(), 0);
     EXPECT_GT(c.independent, 50u);
@@ -29,23 +29,23 @@ TEST(Certificate, ItsUncertaintyCoversNineteenOfTwentyLengthsThatAreMeasuredLate
   }
 }
 
-TEST(Certificate, TellsWhetherTheCovariancesWereHonest) {
+TEST(Certificate, ReportsConsistencyOfCovariances) {
   const Certificate honest = certificate_of(CarriedBar{}.lengths(), 0);
   EXPECT_NEAR(honest.inside_stated, 0.95, 0.02);
-  EXPECT_NEAR(honest.surprise, 1, 0.1);
+  EXPECT_NEAR(honest.mean_nes, 1, 0.1);
   EXPECT_NEAR(honest.stated_expanded_m, 1.96 * std::sqrt(2) * 0.002, 1e-5);
   const Certificate sure = certificate_of(CarriedBar{.stated_m = 0.0005}.lengths(), 0);
-  EXPECT_NEAR(sure.surprise, 16, 2);
+  EXPECT_NEAR(sure.mean_nes, 16, 2);
   EXPECT_LT(sure.inside_stated, 0.5);
 }
 
-TEST(Certificate, BallsAreComparedAtOneMoment) {
+TEST(Certificate, ComparesBallsAtOneMoment) {
   const Certificate c = certificate_of(CarriedBar{.noise_m = 0, .lag_s = 0.015}.lengths(), 0);
   EXPECT_GT(c.lengths, 2000u);
   EXPECT_LT(c.largest_m, 5e-4);  // the ends move by up to 15 mm in that time
 }
 
-TEST(Certificate, ABallThatWasNotTrackedInAFrameSetIsNotTakenFromTheNextOne) {
+TEST(Certificate, RequiresBothBallsInOneFrameSet) {
   auto both = CarriedBar{.noise_m = 0}.tracks();
   const std::size_t all = both[0].size();
   std::erase_if(both[1], [n = 0](const BallFix&) mutable { return n++ % 3 == 0; });
@@ -53,14 +53,14 @@ TEST(Certificate, ABallThatWasNotTrackedInAFrameSetIsNotTakenFromTheNextOne) {
   EXPECT_LT(both[1].size(), all);
 }
 
-TEST(Certificate, ABarThatLiesStillIsOneMeasurement) {
+TEST(Certificate, RestingBarIsOneMeasurement) {
   auto both = CarriedBar{.noise_m = 0.001}.tracks();
   for (const std::size_t ball : {0U, 1U})
     for (BallFix& fix : both[ball]) fix.position = CarriedBar{}.end(0, ball == 0 ? -1 : 1) + 0.001 * Vector3d::Random();
   EXPECT_EQ(certificate_of(bar_lengths(both[0], both[1], carried_length_m, {}), 0).independent, 1u);
 }
 
-TEST(Certificate, WhatIsNotKnownOfTheBarIsInIt) {
+TEST(Certificate, IncludesUncertaintyOfTheBar) {
   const auto lengths = CarriedBar{.noise_m = 0.0001}.lengths();
   EXPECT_NEAR(certificate_of(lengths, 0.001).expanded_m, 1.96e-3, 1e-4);
 }
@@ -84,7 +84,7 @@ TEST(Certificate, RestsAtMarkedPlacesGiveLengths) {
     from = to;
   }
   const auto rests = rests_of(track);
-  ASSERT_EQ(rests.size(), 4u);  // told velocities of 0.09 m/s at rest: of a ball of a few pixels
+  ASSERT_EQ(rests.size(), 4u);  // published velocities of 0.09 m/s at rest: a ball of a few pixels
   EXPECT_NEAR(rests[1].scatter_m, 0.001 * std::sqrt(3), 4e-4);
   EXPECT_LT((rests[1].position - 1.02 * places[1].p_world).norm(), 1e-3);
   const auto visits = visits_of(rests, places);
@@ -100,7 +100,7 @@ TEST(Certificate, RestsAtMarkedPlacesGiveLengths) {
   EXPECT_TRUE(rests_of(track).empty());
 }
 
-TEST(CertificateReport, SaysWhetherWhatIsStatedIsTrue) {
+TEST(CertificateReport, ComparesStatedAndMeasuredErrors) {
   const calib::CameraRig rig;
   const auto text = [&](double stated_m) {
     const auto lengths = CarriedBar{.stated_m = stated_m}.lengths();
@@ -156,7 +156,7 @@ TEST(CertificateReport, FiguresShareNoNames) {
 }
 
 // What the service would have named of the rig is in the certificate: a PASS beside it would be worth nothing.
-TEST(CertificateReport, WhatWasNamedWhileItWasTrackedIsADoubt) {
+TEST(CertificateReport, FaultsReportedDuringTrackingAreDoubts) {
   const auto both = CarriedBar{}.tracks();
   const OneColorBar bar = one_color_bar(both, {}, carried_length_m, {});
   report::CertificateInput input{.rig_name = "rig", .what = "a bar", .limit_m = 0.010};
@@ -168,12 +168,12 @@ TEST(CertificateReport, WhatWasNamedWhileItWasTrackedIsADoubt) {
               AllOf(HasSubstr("DOUBTFUL: "), HasSubstr("while it was tracked, from 3.0 s on: cam1 looks turned")));
 }
 
-TEST(CertificateReport, ABarOfOneColorTellsWhatGaveNoLength) {
+TEST(CertificateReport, OneColorBarReportsUnusedSets) {
   const auto both = CarriedBar{}.tracks();
   const OneColorBar bar = one_color_bar(both, {}, carried_length_m, {});
-  const auto verdict = [&](const OneColorBar& told) {
+  const auto verdict = [&](const OneColorBar& bar) {
     report::CertificateInput input{.rig_name = "rig", .what = "a bar", .limit_m = 0.010};
-    input.one_color = {.bar = told, .length_m = carried_length_m, .sets = both[0].size() + 30};
+    input.one_color = {.bar = bar, .length_m = carried_length_m, .sets = both[0].size() + 30};
     return report::report_on(certificate_of(bar.lengths, 3e-4), bar.lengths, {}, input);
   };
   EXPECT_EQ(verdict(bar).verdict, report::Verdict::usable);
@@ -188,7 +188,7 @@ TEST(CertificateReport, ABarOfOneColorTellsWhatGaveNoLength) {
 
   OneColorBar with_third = bar;
   with_third.with_third = 20;
-  EXPECT_EQ(verdict(with_third).verdict, report::Verdict::usable);  // for a moment: it is told
+  EXPECT_EQ(verdict(with_third).verdict, report::Verdict::usable);  // for a moment
   with_third.with_third = 400;
   EXPECT_EQ(verdict(with_third).verdict, report::Verdict::doubtful);
 }

@@ -37,7 +37,7 @@ double largest_error(const OneColorBar& bar) {
   return largest;
 }
 
-TEST(OneColorBar, IsAsLongFromEitherEnd) {
+TEST(OneColorBar, EndsMayBeExchanged) {
   const CarriedBar carried;
   const auto both = carried.tracks();
   const auto of_two_colors = carried.lengths();
@@ -55,7 +55,7 @@ TEST(OneColorBar, IsAsLongFromEitherEnd) {
   }
 }
 
-TEST(OneColorBar, AMomentWithOneBallGivesNoLength) {
+TEST(OneColorBar, OneBallGivesNoLength) {
   auto both = CarriedBar{.noise_m = 0}.tracks();
   // Hidden from 10 to 12 s; another number afterwards.
   const std::array objects{both[0], part_of(both[1], 0, 10), part_of(both[1], 12, 90)};
@@ -65,7 +65,7 @@ TEST(OneColorBar, AMomentWithOneBallGivesNoLength) {
   EXPECT_LT(largest_error(bar), 1e-9);
 }
 
-TEST(OneColorBar, AThirdObjectIsNeverAnEnd) {
+TEST(OneColorBar, ThirdObjectIsNeverAnEnd) {
   const auto both = CarriedBar{.noise_m = 0}.tracks();
   const Vector3d furniture(1.5, 1.5, 0.5);
   // It has its own number: while the second ball is hidden.
@@ -88,7 +88,7 @@ TEST(OneColorBar, AThirdObjectIsNeverAnEnd) {
   ASSERT_EQ(jumped.others.size(), 1u);
   EXPECT_LT(largest_error(jumped), OneColorBar::other_share * carried_length_m);
 
-  // All three are told, or the tracker says that there is one too many.
+  // All three are published, or the tracker reports one too many.
   const std::array three{both[0], both[1], standing_at(furniture, 40, 45)};
   const OneColorBar with_three = one_color_bar(three, {}, carried_length_m, {});
   EXPECT_EQ(with_three.with_third, 150u);
@@ -99,7 +99,7 @@ TEST(OneColorBar, AThirdObjectIsNeverAnEnd) {
 }
 
 // What comes near to the bar's length by chance is not the bar, either, where it was not before and after.
-TEST(OneColorBar, ARunOfOtherDistancesHasNoLength) {
+TEST(OneColorBar, RunOfOtherDistancesIsRejected) {
   const auto both = CarriedBar{.noise_m = 0}.tracks();
   const std::array objects{both[0], standing_at({0, 0, 1}, 0, 90)};
   const OneColorBar bar = one_color_bar(objects, {}, carried_length_m, {});
@@ -108,7 +108,7 @@ TEST(OneColorBar, ARunOfOtherDistancesHasNoLength) {
 }
 
 // A rig that is wrong gives lengths that are wrong: these are errors, and no other objects.
-TEST(OneColorBar, AnErrorIsNotLeftOut) {
+TEST(OneColorBar, LengthErrorsAreKept) {
   const auto both = CarriedBar{.noise_m = 0.01, .scale = 1.1}.tracks();
   const OneColorBar bar = one_color_bar(both, {}, carried_length_m, {});
   EXPECT_EQ(bar.lengths.size(), both[0].size());

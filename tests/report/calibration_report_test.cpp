@@ -111,7 +111,7 @@ TEST(CalibrationReport, SaysWhatBecameOfAGivenLens) {
 
 TEST(CalibrationReport, SaysThatAGivenLensIsBelievedAndWhatSpeaksAgainstIt) {
   solver::Extrinsics found = calibrated(solver::synthetic_capture({.cameras = 2, .sets = 14}));
-  found.borne_out = {solver::LensBorneOut{0.1, 0.2, false}, solver::LensBorneOut{1.5, 0.2, false}};
+  found.given_lens_checks = {solver::GivenLensCheck{0.1, 0.2, false}, solver::GivenLensCheck{1.5, 0.2, false}};
   const CalibrationReport report = report_on(found, {});
   EXPECT_THAT(report.checks, speaks_against(Verdict::usable, "given lens of cam0"));
   EXPECT_THAT(report.checks, speaks_against(Verdict::doubtful, "given lens of cam1"));
@@ -182,16 +182,16 @@ TEST(Sentences, SayWhatTheSolversFound) {
 
   solver::Extrinsics cameras;
   EXPECT_EQ(refinement_text(cameras), "the lenses stay as they were given");
-  cameras.borne_out = {std::nullopt, solver::LensBorneOut{.has_covariance = true}};
+  cameras.given_lens_checks = {std::nullopt, solver::GivenLensCheck{.has_covariance = true}};
   EXPECT_EQ(refinement_text(cameras), "the lenses stay as they were given");
-  cameras.borne_out[0].emplace();
+  cameras.given_lens_checks[0].emplace();
   EXPECT_EQ(
       refinement_text(cameras),
       "the lenses stay as they were given; how well they are known their files do not say: what is stated allows "
       "for what usual webcams' are wrong by (0.2 % of the image's width), as far as these views do not tell better");
   cameras.alone_px = 0.1;
   cameras.adjustment.noise_px = 0.25;
-  cameras.refinement = solver::LensRefinement::out_of_step;
+  cameras.refinement = solver::LensRefinement::not_synchronised;
   EXPECT_EQ(refinement_text(cameras),
             "the lenses were found from these views, and stay as each camera's own views say (0.10 px), because the "
             "cameras agree less well with one another (0.25 px): they are not quite in step");
@@ -220,7 +220,7 @@ TEST(RigCheck, NamesTheCameraThatMoved) {
   EXPECT_EQ(report_on(moved, bumped).verdict, Verdict::failed);
   ASSERT_EQ(moved.moved.size(), 1U);
   EXPECT_EQ(moved.moved[0].camera, 2);
-  EXPECT_TRUE(moved.or_else.empty());
+  EXPECT_TRUE(moved.alternatives.empty());
   EXPECT_NEAR(moved.moved[0].turned_rad, 0.02, 0.001);
   EXPECT_NEAR(moved.moved[0].moved_m, (bumped.cameras[2].centre() - capture.rig.cameras[2].centre()).norm(), 0.003);
   // Two cameras cannot tell which.
@@ -234,7 +234,7 @@ TEST(RigCheck, NamesTheCameraThatMoved) {
   }
   const solver::RigCheck either = solver::check_rig(capture.board, two, views);
   EXPECT_EQ(report_on(either, two).verdict, Verdict::failed);
-  EXPECT_EQ(either.or_else.size(), 1U);
+  EXPECT_EQ(either.alternatives.size(), 1U);
   EXPECT_THAT(to_text(report_on(either, two), either), HasSubstr("these views do not tell which"));
 }
 

@@ -9,46 +9,12 @@
 
 #include "board/captures.h"
 #include "calib/model/rig_yaml.h"
-#include "solver/synthetic_rig.h"
+#include "solver/near_truth.h"
 
 namespace huetrack::solver {
 namespace {
 
 using testing::HasSubstr;
-
-// At the truth, moved off by a few centimetres and degrees.
-Adjustment near_truth(const calib::CameraRig& rig, const board::Board& board, const std::vector<calib::Rigid3d>& boards,
-                      const std::vector<BoardView>& views) {
-  Adjustment a;
-  a.board = board;
-  a.views = views;
-  std::mt19937_64 rng(5);
-  const auto off = [&](double size) {
-    calib::Tangent6d t;
-    for (int i = 0; i < 6; ++i) t(i) = size * normal(rng);
-    return calib::exp(t);
-  };
-  for (const calib::Camera& camera : rig.cameras) {
-    AdjustedCamera c;
-    c.name = camera.name;
-    c.image_size = camera.image_size;
-    c.lens = LensModel::radtan4;
-    c.parameters = parameters_of(camera.model);
-    c.cam_from_world = camera.cam_from_world;
-    c.pose_is_free = !a.cameras.empty();  // the first one is where it is
-    if (c.pose_is_free) c.cam_from_world = off(0.02) * c.cam_from_world;
-    c.parameters(0) *= 1.02;
-    c.parameters(1) *= 0.99;
-    c.parameters(2) += 4;
-    a.cameras.push_back(c);
-  }
-  for (const calib::Rigid3d& board_pose : boards) a.world_from_board.push_back(board_pose * off(0.02));
-  return a;
-}
-
-Adjustment near_truth(const SyntheticCapture& capture) {
-  return near_truth(capture.rig, capture.board, capture.world_from_board, capture.views);
-}
 
 TEST(BundleAdjustment, FindsTheTruthFromExactCorners) {
   const SyntheticCapture capture = synthetic_capture({.noise_px = 0});
@@ -61,7 +27,7 @@ TEST(BundleAdjustment, FindsTheTruthFromExactCorners) {
   }
 }
 
-TEST(BundleAdjustment, TheOrderOfViewsDoesNotMatterToTheLastBit) {
+TEST(BundleAdjustment, IsBitEqualForAnyOrderOfViews) {
   const SyntheticCapture capture = synthetic_capture({.cameras = 3, .sets = 12});
   const Adjustment start = near_truth(capture);
   Adjustment shuffled = start;
@@ -76,7 +42,7 @@ TEST(BundleAdjustment, TheOrderOfViewsDoesNotMatterToTheLastBit) {
   EXPECT_TRUE(a.covariance == b.covariance);
 }
 
-TEST(BundleAdjustment, OutliersAreLeftOutAndViewsNamed) {
+TEST(BundleAdjustment, RejectsOutliersAndNamesViews) {
   SyntheticCapture capture = synthetic_capture({.sets = 20});
   const calib::CameraRig& rig = capture.rig;
   std::mt19937_64 rng(11);
@@ -119,7 +85,7 @@ TEST(BundleAdjustment, OutliersAreLeftOutAndViewsNamed) {
             0.001);
 }
 
-TEST(BundleAdjustment, ABentBoardIsFoundWhenAsked) {
+TEST(BundleAdjustment, EstimatesABentBoard) {
   SyntheticCapture capture = synthetic_capture({.noise_px = 0.05});
   Adjustment bent = near_truth(capture);
   const BoardWarp warp(0.003, -0.001, 0.004);
@@ -142,7 +108,7 @@ TEST(BundleAdjustment, ABentBoardIsFoundWhenAsked) {
   EXPECT_LT(found.rms_px, 0.8 * flat.rms_px);
 }
 
-TEST(BundleAdjustment, NothingToUseIsAnError) {
+TEST(BundleAdjustment, NoViewsAreAnError) {
   Adjustment empty = near_truth(synthetic_capture({.sets = 2}));
   empty.views.clear();
   EXPECT_THROW(adjust(empty), CalibrationError);
@@ -224,7 +190,7 @@ TEST(BundleAdjustmentBounds, CoverTheTruthOfResampledRenderedBoards) {
   EXPECT_GE(detected.share(), 90);
 }
 
-TEST(BoardPoses, OfASlantedViewIsTheTrueOne) {
+TEST(BoardPoses, IsCorrectForASlantedView) {
   const SyntheticCapture capture = synthetic_capture({.noise_px = 0.05});
   for (const BoardView& view : capture.views) {
     const calib::Camera& camera = capture.rig.cameras[static_cast<std::size_t>(view.camera)];

@@ -20,7 +20,7 @@ Intrinsics of_synthetic(const calib::CameraModel& model, double noise_px, std::o
   return calibrate_intrinsics(capture.board, "cam0", {640, 480}, capture.views, {.lens = lens});
 }
 
-TEST(Intrinsics, FindTheSimplestLensThatTheViewsSupport) {
+TEST(Intrinsics, FindsTheSimplestSupportedLens) {
   const Intrinsics barrel =
       of_synthetic(calib::CameraModel(calib::PinholeRadtan{620, 618, 322, 236, {-0.3, 0.1, 0.001, 0}}), 0.1);
   EXPECT_EQ(barrel.adjustment.cameras[0].lens, LensModel::radtan4);
@@ -40,7 +40,7 @@ TEST(Intrinsics, FindTheSimplestLensThatTheViewsSupport) {
   }
 }
 
-TEST(Intrinsics, UseTheLensThatIsAskedFor) {
+TEST(Intrinsics, UsesTheRequestedLens) {
   const Intrinsics found = of_synthetic(
       calib::CameraModel(calib::PinholeRadtan{620, 618, 322, 236, {-0.3, 0.1, 0.001, 0}}), 0.1, LensModel::radtan5);
   EXPECT_EQ(found.adjustment.cameras[0].lens, LensModel::radtan5);
@@ -49,7 +49,7 @@ TEST(Intrinsics, UseTheLensThatIsAskedFor) {
 }
 
 // A lens that no model holds: the corners at the image's edge, which the pinholes do not follow, decide.
-TEST(Intrinsics, AnOddLensIsFollowedToTheEdgeOfTheImage) {
+TEST(Intrinsics, FitsAnUnusualLensToTheImageEdge) {
   const OddCapture capture = odd_capture({100}, 0.1, 3);
   const Intrinsics found = calibrate_intrinsics(capture.of.board, "cam0", {1280, 720}, capture.of.views);
   for (const LensTrial& trial : found.trials) {
@@ -63,7 +63,7 @@ TEST(Intrinsics, AnOddLensIsFollowedToTheEdgeOfTheImage) {
 }
 
 // A model that at a glance allows no pose for most of the views, and fits the others closely, is not the closest one.
-TEST(Intrinsics, AModelThatShowsHardlyAnyBoardDoesNotDecide) {
+TEST(Intrinsics, IgnoresAModelThatCoversHardlyAnyBoard) {
   const OddCapture capture = odd_capture({70, 100, 130}, 0.1, 25, 120);
   std::vector<BoardView> views;
   std::ranges::copy_if(capture.of.views, std::back_inserter(views), [](const BoardView& v) { return v.camera == 0; });
@@ -72,7 +72,7 @@ TEST(Intrinsics, AModelThatShowsHardlyAnyBoardDoesNotDecide) {
   EXPECT_LT(rays_off_px(capture.lenses[0], found.adjustment.cameras[0].model(), views, 0, {1280, 720}), 0.45);
 }
 
-TEST(Intrinsics, EveryLensModelCanBeAskedFor) {
+TEST(Intrinsics, EveryLensModelCanBeRequested) {
   const OddCapture capture = odd_capture({100}, 0.1, 3, 30);
   for (const LensModel lens : all_lens_models) {
     const Intrinsics found =
@@ -83,7 +83,7 @@ TEST(Intrinsics, EveryLensModelCanBeAskedFor) {
 }
 
 // The one model that was asked for leads nowhere: why, and that another one may.
-TEST(Intrinsics, ALensThatCannotBeFittedHasTwoReasons) {
+TEST(Intrinsics, FailedFitHasTwoReasons) {
   SyntheticCapture capture = synthetic_capture({.cameras = 1, .sets = 10});
   for (BoardView& view : capture.views) {
     for (Eigen::Vector2d& px : view.px) px = {320, 240};
@@ -103,7 +103,7 @@ TEST(Intrinsics, ALensThatCannotBeFittedHasTwoReasons) {
 
 // Coefficients of a lens that nearly cancel one another: the first five of them alone would be another lens, 100 px
 // off.
-TEST(Intrinsics, ASimplerModelBeginsAtTheSameLens) {
+TEST(Intrinsics, SimplerModelStartsAtTheSameLens) {
   AdjustedCamera fitted;
   fitted.image_size = {640, 480};
   fitted.lens = LensModel::radtan8;
@@ -118,7 +118,7 @@ TEST(Intrinsics, ASimplerModelBeginsAtTheSameLens) {
   }
 }
 
-TEST(Intrinsics, TooFewViewsAreNamed) {
+TEST(Intrinsics, TooFewViewsAreAnError) {
   const SyntheticCapture capture = synthetic_capture({.cameras = 1, .sets = 2});
   try {
     calibrate_intrinsics(capture.board, "left", {640, 480}, capture.views);

@@ -33,7 +33,7 @@ INSTANTIATE_TEST_SUITE_P(
                               values({300, 310, 320, 240, 0.1, -0.05, 0.001, -0.002, 0.02, -0.004, 0.003, -0.001})}),
     [](const auto& param_info) { return std::string(name(param_info.param.lens)); });
 
-TEST_P(EveryLens, ProjectsAsTheFinishedModelDoes) {
+TEST_P(EveryLens, ProjectsLikeCameraModel) {
   const auto& [lens, parameters] = GetParam();
   const calib::CameraModel model = camera_model(lens, parameters);
   EXPECT_EQ(parameters_of(model), parameters);
@@ -74,7 +74,7 @@ TEST_P(EveryLens, DerivativesByTheLensAgreeWithDifferences) {
   }
 }
 
-TEST_P(EveryLens, HasNoPixelForWhatIsBehind) {
+TEST_P(EveryLens, HasNoPixelBehindTheCamera) {
   const auto& [lens, parameters] = GetParam();
   Eigen::Vector2d px;
   EXPECT_FALSE(project(lens, parameters, {0, 0, -1}, px, nullptr, nullptr));

@@ -156,7 +156,7 @@ Adjustment found(const MovingCapture& capture) {
   return calibrate_extrinsics(capture.of.board, cameras_as_known(capture.of.rig), capture.of.views).adjustment;
 }
 
-TEST(MovingBoard, TimesAndPosesAreFoundFromAHandCarriedBoard) {
+TEST(MovingBoard, EstimatesTimesAndPosesFromAHandCarriedBoard) {
   double off = 0;
   for (const std::uint64_t seed : {1, 2}) {
     const MovingOptions options{.bursts = 20, .seed = seed};
@@ -187,7 +187,7 @@ const MovingOptions fetched_six_times_a_second{.speed_m_s = 0.2,
                                                .bursts = 1,
                                                .frames_of_burst = 36,
                                                .frame_s = 1 / 6.0};
-TEST(MovingBoard, StampsThatTellWhenAPictureWasFetchedAreLearntToBeWrong) {
+TEST(MovingBoard, EstimatesLargeErrorsOfFetchStamps) {
   const MovingOptions& options = fetched_six_times_a_second;
   const MovingCapture capture = moving_capture(options);
   const Adjustment a = found(capture);
@@ -201,7 +201,7 @@ TEST(MovingBoard, StampsThatTellWhenAPictureWasFetchedAreLearntToBeWrong) {
 }
 
 // One of them makes ten pictures a second, so that the one that is taken may be a tenth of a second old.
-TEST(MovingBoard, EachCamerasStampsAreAsGoodAsTheyAre) {
+TEST(MovingBoard, EstimatesStampErrorsPerCamera) {
   double off = 0;
   for (const std::uint64_t seed : {4, 5}) {
     const MovingOptions options{.speed_m_s = 0.12,
@@ -221,15 +221,15 @@ TEST(MovingBoard, EachCamerasStampsAreAsGoodAsTheyAre) {
       EXPECT_NEAR(a.cameras[c].stamp_sigma_s, options.age_s[c] / std::sqrt(12.0),
                   0.4 * options.age_s[c] / std::sqrt(12.0));
     // A hand's real changes, not what hands may do: 25 degrees/s at some 0.5 Hz, and 0.12 m/s.
-    EXPECT_LT(a.carrying.change[0], 3);
-    EXPECT_LT(a.carrying.change[1], 0.6);
+    EXPECT_LT(a.motion_prior.change[0], 3);
+    EXPECT_LT(a.motion_prior.change[1], 0.6);
     off += mean_square_in_sigmas(capture, a) / 2;
   }
   EXPECT_LT(off, 2);
 }
 
 // Held, what is wrong in them would go into the times and the poses. A camera's own views cannot tell it from its rows.
-TEST(MovingBoard, GivenLensesThatContradictOneAnotherAreRefined) {
+TEST(MovingBoard, RefinesGivenLensesThatContradictOneAnother) {
   MovingOptions options = fetched_six_times_a_second;
   options.seed = 6;
   const MovingCapture capture = moving_capture(options);
@@ -262,7 +262,7 @@ TEST(MovingBoard, GivenLensesThatContradictOneAnotherAreRefined) {
 
 // Sets 33 ms apart tell well how the board moves: what a lens changes moves all boards, and is not to be held by where
 // they were found to be with another lens.
-TEST(MovingBoard, GivenLensesAreRefinedWhereSetsFollowCloselyUponOneAnother) {
+TEST(MovingBoard, RefinesGivenLensesWithDenseSets) {
   const MovingOptions options{.bursts = 30, .seed = 1};
   const MovingCapture capture = moving_capture(options);
   // One that is wrong bends the others' times so that nearly all is explained.
@@ -284,7 +284,7 @@ TEST(MovingBoard, GivenLensesAreRefinedWhereSetsFollowCloselyUponOneAnother) {
   }
 }
 
-TEST(MovingBoard, CamerasInStepStayInStep) {
+TEST(MovingBoard, SynchronisedCamerasStaySynchronised) {
   const MovingOptions options{.latency_s = {}, .readout_s = {}, .stamp_jitter_s = 0, .in_step = true, .bursts = 20};
   const MovingCapture capture = moving_capture(options);
   const Adjustment a = found(capture);
@@ -303,7 +303,7 @@ TEST(MovingBoard, CamerasInStepStayInStep) {
 }
 
 // Sets too far apart to tell how the board moves in between: as stills.
-TEST(MovingBoard, ABoardAtRestAtEachPlaceTellsNoTimes) {
+TEST(MovingBoard, RestingBoardsDoNotDetermineTimes) {
   SyntheticCapture capture = synthetic_capture({.sets = 15});
   const Adjustment stills =
       calibrate_extrinsics(capture.board, cameras_as_known(capture.rig), capture.views).adjustment;
@@ -319,7 +319,7 @@ TEST(MovingBoard, ABoardAtRestAtEachPlaceTellsNoTimes) {
   EXPECT_EQ(rig.cameras[1].timing, calib::CameraTiming{});
 }
 
-TEST(MovingBoard, TimingThatWasGivenIsHeldOrRefined) {
+TEST(MovingBoard, GivenTimingIsHeldOrRefined) {
   const MovingOptions options{.seed = 3};
   const MovingCapture capture = moving_capture(options);
   auto cameras = cameras_as_known(capture.of.rig);

@@ -10,14 +10,14 @@ namespace {
 
 using scene::lime;
 
-TEST(BallFinder, FindsTheBallToAFractionOfAPixel) {
+TEST(BallFinder, LocatesTheBallWithSubpixelAccuracy) {
   const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 2}).ball({}).build();
   BallFinder finder(scene.rig, lime());
   double sum = 0;
   int count = 0;
   for (const capture::FrameSet& set : scene::render(scene, {.set_count = 40})) {
     for (const auto& frame : set.frames) {
-      const auto found = finder.look(*frame);
+      const auto found = finder.detect(*frame);
       ASSERT_TRUE(found);
       ASSERT_FALSE(found->regions.empty());
       const auto px = scene.rig.cameras[static_cast<std::size_t>(frame->camera)].project_world(
@@ -30,7 +30,7 @@ TEST(BallFinder, FindsTheBallToAFractionOfAPixel) {
   EXPECT_LT(std::sqrt(sum / count), 0.3);
 }
 
-TEST(BallFinder, SharpensOutlinesByWhatIsBehindThem) {
+TEST(BallFinder, RefinesOutlinesWithTheBackground) {
   const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 2}).ball({}).build();
   BallFinder finder(scene.rig, lime());
   BackgroundSamples background(2);
@@ -39,7 +39,7 @@ TEST(BallFinder, SharpensOutlinesByWhatIsBehindThem) {
   for (const capture::FrameSet& set : scene::render(scene, {.set_count = 40})) {
     for (const auto& frame : set.frames) {
       background.add(*frame);
-      frames.push_back(*finder.look(*frame));
+      frames.push_back(*finder.detect(*frame));
       ASSERT_FALSE(frames.back().regions.empty());
       truth.push_back(scene.rig.cameras[static_cast<std::size_t>(frame->camera)]
                           .project_world(scene.ball_at(0, frame->captured_at))
@@ -51,24 +51,24 @@ TEST(BallFinder, SharpensOutlinesByWhatIsBehindThem) {
     for (std::size_t i = 0; i < frames.size(); ++i) sum += (frames[i].regions.front().centre - truth[i]).squaredNorm();
     return std::sqrt(sum / static_cast<double>(frames.size()));
   };
-  sharpen(frames, background, scene.rig);
+  refine_outlines(frames, background, scene.rig);
   EXPECT_LT(rms(), 0.15);
   EXPECT_TRUE(frames.front().patches.empty());
 }
 
-TEST(BackgroundSamples, IsNotKnownFromAFewFrames) {
+TEST(BackgroundSamples, NeedsEightSamples) {
   const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 1}).ball({}).build();
   BackgroundSamples background(1);
   for (const capture::FrameSet& set : scene::render(scene, {.set_count = 7})) background.add(*set.frames.front());
   EXPECT_FALSE(background.of(0));
 }
 
-TEST(BallFinder, LeavesOutFramesThatAreOfNoUse) {
+TEST(BallFinder, SkipsUnusableFrames) {
   const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 1}).ball({}).build();
   BallFinder finder(scene.rig, lime());
   capture::Frame frame = *scene::render(scene, {.set_count = 1}).front().frames.front();
   frame.status = capture::FrameStatus::corrupted;
-  EXPECT_FALSE(finder.look(frame));
+  EXPECT_FALSE(finder.detect(frame));
   EXPECT_EQ(finder.unusable_frames(), 1u);
 }
 
@@ -80,7 +80,7 @@ color::ColorRegion region_at(double u, double v) {
   return region;
 }
 
-TEST(StillRegions, AreRemovedWhereverTheyAreSeenMostOfTheTime) {
+TEST(StillRegions, AreRemovedWhereTheyAppearInMostFrames) {
   std::vector<BallFrame> frames;
   for (int i = 0; i < 100; ++i) {
     BallFrame frame{0, i / 30.0, {}};

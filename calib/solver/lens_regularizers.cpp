@@ -19,7 +19,7 @@ double reach_of(const AdjustedCamera& camera) {
                               : stereographic ? 2 * rho / (1 + ray->z())
                                               : std::atan2(rho, ray->z()));
     } else {
-      // The limits of both are squares.
+      // Both are squares.
       const bool squared = pinhole || stereographic;
       reach = std::max(reach, 1.15 * (squared ? std::sqrt(std::min(model.limit(), 400.0)) : model.limit()));
     }
@@ -27,15 +27,15 @@ double reach_of(const AdjustedCamera& camera) {
   return reach;
 }
 
-std::vector<LensBelief> lens_beliefs(const AdjustedCamera& camera) {
-  // By what share of the radius one coefficient moves the image's corner. A rational lens has numerators and
-  // denominators of ten and more in truth; the terms of the stereographic one are a few tenths.
+std::vector<LensRegularizer> lens_regularizers(const AdjustedCamera& camera) {
+  // Displacement of the image's corner by one coefficient, relative to the radius. True rational lenses have numerators
+  // and denominators of ten and more; stereographic terms are a few tenths.
   constexpr double rational_share = 10, radial_share = 1, sideways_share = 0.005;
-  // A turn of the camera is, on the stereographic projection, a shift of the image and p1, p2 and -2 (s1, s2): where
-  // the radial terms are small, nothing but this tells the axis, and views alone would turn it by degrees. Of the two
-  // that make it up the prism is held, so that the axis is where other models with p1 and p2 have it.
+  // In the stereographic projection, a rotation of the camera equals a shift of the image plus p1, p2 and -2 (s1, s2).
+  // With small radial terms the axis is nearly unobservable; holding the prism puts it where models with p1, p2 have
+  // it.
   constexpr double prism_share = sideways_share / 10;
-  std::vector<LensBelief> beliefs;
+  std::vector<LensRegularizer> beliefs;
   if (camera.lens != LensModel::radtan8 && camera.lens != LensModel::stereographic) return beliefs;
   const double reach = std::clamp(reach_of(camera), 0.05, 20.0), s = reach * reach;
   if (camera.lens == LensModel::radtan8) {

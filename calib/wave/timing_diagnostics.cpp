@@ -1,4 +1,4 @@
-#include "calib/wave/time_signs.h"
+#include "calib/wave/timing_diagnostics.h"
 
 #include <algorithm>
 #include <cmath>
@@ -9,9 +9,9 @@
 namespace huetrack::wave {
 namespace {
 
-constexpr double window_s = 1;          // in which a camera's lag is about the same
-constexpr std::size_t least_count = 8;  // frames that tell of it
-constexpr double slow_px_s = 60;        // a ball that is slower tells no time
+constexpr double window_s = 1;          // a camera's lag is about constant over it
+constexpr std::size_t least_count = 8;  // samples per window
+constexpr double slow_px_s = 60;        // slower samples are ignored
 constexpr double normal_from_median = 1.4826;
 
 struct Lag {
@@ -19,7 +19,7 @@ struct Lag {
   double speed_px_s;
 };
 
-// Faster ones tell more: each counts by its speed.
+// Weighted by speed.
 double weighted_median(std::vector<Lag> lags) {
   std::ranges::sort(lags, {}, &Lag::along_s);
   double half = 0;
@@ -38,16 +38,16 @@ double spread(std::vector<double> values) {
 
 }  // namespace
 
-TimeSigns time_signs(const std::vector<LagSample>& samples, double frame_s) {
+TimingDiagnostics timing_diagnostics(const std::vector<TimingSample>& samples, double frame_s) {
   std::map<int, std::vector<Lag>> windows;
   std::vector<double> across_px;
   std::size_t fast = 0, repeated = 0;
-  constexpr double clear_px = 6, near_px = 3;  // by which the ball must move in a frame to tell; of what is there
-  for (const LagSample& sample : samples) {
+  constexpr double clear_px = 6, near_px = 3;  // motion per frame of a fast ball; tolerance across the motion
+  for (const TimingSample& sample : samples) {
     const double speed = sample.velocity.norm();
     if (speed < slow_px_s) continue;
-    const Eigen::Vector2d way = sample.velocity / speed, side(-way.y(), way.x());
-    const Lag lag{way.dot(sample.residual) / speed, side.dot(sample.residual) / speed, speed};
+    const Eigen::Vector2d along = sample.velocity / speed, side(-along.y(), along.x());
+    const Lag lag{along.dot(sample.residual) / speed, side.dot(sample.residual) / speed, speed};
     windows[static_cast<int>(std::floor(sample.t_s / window_s))].push_back(lag);
     across_px.push_back(side.dot(sample.residual));
     if (speed * frame_s < clear_px) continue;
@@ -55,17 +55,17 @@ TimeSigns time_signs(const std::vector<LagSample>& samples, double frame_s) {
     const double frames_back = -lag.along_s / frame_s;
     repeated += frames_back > 0.6 && frames_back < 1.5 && std::abs(across_px.back()) < near_px ? 1 : 0;
   }
-  TimeSigns signs;
-  if (fast >= least_count) signs.repeated = static_cast<double>(repeated) / static_cast<double>(fast);
+  TimingDiagnostics out;
+  if (fast >= least_count) out.repeated = static_cast<double>(repeated) / static_cast<double>(fast);
   const double noise_px = spread(std::move(across_px));
-  if (!(noise_px > 0)) return signs;
+  if (!(noise_px > 0)) return out;
   double lag2 = 0, noise2 = 0, sigmas2 = 0;
   int counted = 0;
   std::vector<double> along_px, beside_px;
   double speed2 = 0;
   for (const auto& [number, lags] : windows) {
     if (lags.size() < least_count) continue;
-    const double lag_s = signs.lag_s[number] = weighted_median(lags);
+    const double lag_s = out.lag_s[number] = weighted_median(lags);
     double square = 0;
     for (const Lag& lag : lags) {
       square += lag.speed_px_s * lag.speed_px_s;
@@ -73,21 +73,21 @@ TimeSigns time_signs(const std::vector<LagSample>& samples, double frame_s) {
       beside_px.push_back(lag.across_s * lag.speed_px_s);
     }
     speed2 += square;
-    // A median is less sharp than a mean, and an outline's error lasts for some frames.
-    constexpr double less_sharp = 2;
-    const double variance = std::pow(less_sharp * noise_px, 2) / square;
+    // Efficiency of a median, and correlation of an outline's error over some frames.
+    constexpr double inefficiency = 2;
+    const double variance = std::pow(inefficiency * noise_px, 2) / square;
     lag2 += lag_s * lag_s;
     noise2 += variance;
     sigmas2 += lag_s * lag_s / variance;
     ++counted;
   }
-  if (counted == 0) return signs;
-  signs.wander_s = std::sqrt(std::max(0.0, lag2 - noise2) / counted);
-  signs.wander_sigmas = std::sqrt(sigmas2 / counted);
+  if (counted == 0) return out;
+  out.wander_s = std::sqrt(std::max(0.0, lag2 - noise2) / counted);
+  out.wander_sigmas = std::sqrt(sigmas2 / counted);
   const auto count = static_cast<double>(along_px.size());
   const double along = spread(std::move(along_px)), beside = spread(std::move(beside_px));
-  signs.scatter_s = std::sqrt(std::max(0.0, along * along - beside * beside) / (speed2 / count));
-  return signs;
+  out.scatter_s = std::sqrt(std::max(0.0, along * along - beside * beside) / (speed2 / count));
+  return out;
 }
 
 }  // namespace huetrack::wave
