@@ -2,40 +2,14 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
-#include <cstdint>
-#include <limits>
 
 #include "calib/model/median.h"
 #include "capture/frames/image_copy.h"
-#include "object_tracking/ball_outline.h"
 
 namespace huetrack::wave {
 namespace {
 
 constexpr std::size_t most_samples = 24, least_samples = 8;
-
-// Begins with the robust mean, and learns the noise, and what is rounded, from the samples themselves.
-outline::Background background_of(const BackgroundImage& mean, const std::vector<capture::Image>& samples) {
-  const outline::Picture like = object_tracking::picture_of(samples[0]);
-  std::vector<std::uint8_t> light, blue, red;
-  const auto byte = [](float grey) { return static_cast<std::uint8_t>(std::clamp(std::lround(grey), 0L, 255L)); };
-  for (const Eigen::Vector3f& p : mean.light) {
-    light.push_back(byte(p[0]));
-    blue.push_back(byte(p[1] + 128));
-    red.push_back(byte(p[2] + 128));
-  }
-  outline::Picture picture;
-  picture.width = mean.width, picture.height = mean.height;
-  picture.columns = like.columns, picture.rows = like.rows;
-  picture.light = {light.data(), mean.width, 1};
-  picture.blue = {blue.data(), mean.width * like.rows, like.columns};
-  picture.red = {red.data(), mean.width * like.rows, like.columns};
-  outline::Background out(mean.width, mean.height, std::numeric_limits<std::int16_t>::max());
-  for (std::size_t i = 0; i < least_samples; ++i) out.learn_all(picture, nullptr, 0);
-  for (const capture::Image& sample : samples) out.learn_all(object_tracking::picture_of(sample), nullptr, 0);
-  return out;
-}
 
 }  // namespace
 
@@ -64,7 +38,7 @@ void BackgroundSamples::add(const capture::Frame& frame) {
   of.every *= 2;
 }
 
-std::optional<CameraBackground> BackgroundSamples::of(std::size_t camera) const {
+std::optional<BackgroundImage> BackgroundSamples::of(std::size_t camera) const {
   const std::vector<capture::Image>& samples = of_camera_.at(camera).samples;
   if (samples.size() < least_samples) return std::nullopt;
   BackgroundImage out;
@@ -85,7 +59,7 @@ std::optional<CameraBackground> BackgroundSamples::of(std::size_t camera) const 
         float sum = 0;
         for (std::size_t i = from; i < to; ++i) sum += values[k][i];
         mean[static_cast<int>(k)] = sum / static_cast<float>(to - from);
-        // Half of what is normal lies between the quarters: 1.35 standard deviations.
+        // Interquartile range of a normal distribution: 1.35 sigma.
         if ((u + v) % 7 == 0) spread[k].push_back((values[k][to - 1] - values[k][from]) / 1.35f);
       }
       out.light.push_back(mean);
@@ -94,7 +68,7 @@ std::optional<CameraBackground> BackgroundSamples::of(std::size_t camera) const 
   for (std::size_t k = 0; k < 3; ++k) {
     out.noise[static_cast<int>(k)] = std::max(1.f, calib::median(std::move(spread[k])));
   }
-  return CameraBackground{out, background_of(out, samples)};
+  return out;
 }
 
 }  // namespace huetrack::wave

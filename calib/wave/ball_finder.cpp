@@ -57,40 +57,20 @@ Eigen::Matrix2d shape_at(const calib::CameraModel& model, const Eigen::Vector2d&
   return by_point * axes;
 }
 
-// px/s, from the nearest regions of the frames before and after; zero where there are none.
-Eigen::Vector2d velocity_at(const color::ColorRegion& region, const BallFrame& before, const BallFrame& after) {
-  const auto nearest = [&](const BallFrame& frame) {
-    return std::ranges::min_element(frame.regions, {},
-                                    [&](const auto& r) { return (r.centre - region.centre).norm(); });
-  };
-  if (before.regions.empty() || after.regions.empty()) return Eigen::Vector2d::Zero();
-  return (nearest(after)->centre - nearest(before)->centre) / (after.t_s - before.t_s);
-}
-
 }  // namespace
 
 void refine_outlines(std::vector<BallFrame>& frames, const BackgroundSamples& background, const calib::CameraRig& rig,
                      const solver::Progress& progress) {
   int done = 0;
-  for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
-    const calib::Camera& camera = rig.cameras[c];
-    const auto behind = background.of(c);
-    std::optional<OutlineOverBackground> outlines;
-    if (behind) outlines.emplace(*behind);
-    std::vector<BallFrame*> own;
+  for (std::size_t camera = 0; camera < rig.cameras.size(); ++camera) {
+    const std::optional<BackgroundImage> behind = background.of(camera);
     for (BallFrame& frame : frames) {
-      if (static_cast<std::size_t>(frame.camera) == c) own.push_back(&frame);
-    }
-    for (std::size_t f = 0; f < own.size(); ++f) {
-      BallFrame& frame = *own[f];
+      if (static_cast<std::size_t>(frame.camera) != camera) continue;
       if (progress && done % 16 == 0) progress("the ball's outlines", done, static_cast<int>(frames.size()));
       ++done;
-      for (std::size_t r = 0; outlines && r < frame.patches.size(); ++r) {
-        color::ColorRegion& region = frame.regions[r];
-        outline::Movement movement{Eigen::Vector2d::Zero(),
-                                   camera.timing.readout_s.value_or(0) / camera.image_size.height};
-        if (f > 0 && f + 1 < own.size()) movement.velocity = velocity_at(region, *own[f - 1], *own[f + 1]);
-        region = outlines->fit(frame.patches[r], region, shape_at(camera.model, region.centre), movement, frame.t_s);
+      for (std::size_t r = 0; behind && r < frame.patches.size(); ++r) {
+        frame.regions[r] = outline_over_background(frame.patches[r], frame.regions[r], *behind,
+                                                   shape_at(rig.cameras[camera].model, frame.regions[r].centre));
       }
       frame.patches.clear();
       frame.patches.shrink_to_fit();

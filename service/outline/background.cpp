@@ -141,15 +141,14 @@ std::pair<double, double> columns_beside(const Eigen::Vector2d& way, double belo
 
 }  // namespace
 
-Background::Background(int width, int height, std::size_t tiles)
+Background::Background(int width, int height)
     : width_(width),
       height_(height),
       across_((width + tile_px - 1) / tile_px),
       down_((height + tile_px - 1) / tile_px),
-      max_tiles_(tiles),
       slots_(static_cast<std::size_t>(across_ * down_), std::int16_t{-1}),
       updates_(slots_.size()) {
-  tiles_.reserve(std::min(max_tiles_, slots_.size()));
+  tiles_.reserve(std::min(max_tiles, slots_.size()));
   chosen_.reserve(slots_.size());
   unknown_tiles_ = static_cast<int>(slots_.size());
 }
@@ -171,7 +170,7 @@ void Background::Noise::add(double sum_of_deviations, double of, float min_noise
 Background::Tile& Background::tile_for(int index) {
   std::int16_t& slot = slots_[static_cast<std::size_t>(index)];
   if (slot >= 0) return tiles_[static_cast<std::size_t>(slot)];
-  if (tiles_.size() < std::min(max_tiles_, slots_.size())) {
+  if (tiles_.size() < std::min(max_tiles, slots_.size())) {
     slot = static_cast<std::int16_t>(tiles_.size());
     tiles_.emplace_back();
   } else {
@@ -204,7 +203,7 @@ void Background::learn_all(const Picture& picture, const ObjectDisc* hidden, std
   if (!accepts(picture)) return;
   ++pictures_;
   ++rare_pictures_;
-  const std::size_t count = std::min(slots_.size(), max_tiles_);  // capacity; another part each time
+  const std::size_t count = std::min(slots_.size(), max_tiles);  // capacity; another part each time
   for (std::size_t i = 0; i < count; ++i) {
     next_ = (next_ + 1) % static_cast<int>(slots_.size());
     const bool is_known = updates_[static_cast<std::size_t>(next_)].count >= static_cast<std::uint32_t>(settled_count);
@@ -261,7 +260,7 @@ void Background::learn(const Picture& picture, const ObjectDisc& object, const E
   std::ranges::partial_sort(chosen_, chosen_.begin() + static_cast<std::ptrdiff_t>(count), {},
                             [](const Chosen& c) { return std::pair(c.rank, c.index); });
   for (std::size_t i = 0; i < count; ++i) update_tile(picture, chosen_[i].index, hidden, hidden_count);
-  if (slots_.size() > max_tiles_ || !picture.is_whole()) return;
+  if (slots_.size() > max_tiles || !picture.is_whole()) return;
   // The others in turn; while some are hardly known, only these.
   int left = unknown_tiles_ > 0 ? 1 + static_cast<int>(slots_.size()) / background_tuning.pictures_to_see_all : 1;
   for (std::size_t i = 0; i < slots_.size() && left > 0; ++i) {

@@ -31,8 +31,7 @@ class Background {
   static constexpr int tile_px = 16;              // layout: bytes of a tile
   static constexpr std::size_t max_tiles = 1200;  // capacity: 2.4 MB
 
-  // tiles: how many are kept; beyond that the least recently updated one is replaced
-  Background(int width, int height, std::size_t tiles = max_tiles);
+  Background(int width, int height);
 
   // Updates a few tiles: of those between `object` and its position after `ahead_px` the least known, and some of the
   // others in turn. Of a partial picture only the first kind; what lies outside the part keeps its mean.
@@ -100,7 +99,6 @@ class Background {
   void update_tile(const Picture& picture, int index, const ObjectDisc* hidden, std::size_t hidden_count);
 
   int width_, height_, across_, down_;
-  std::size_t max_tiles_;
   int columns_ = 0, rows_ = 0;       // that share chroma
   std::vector<std::int16_t> slots_;  // per tile of the picture, -1: none
   std::vector<Updates> updates_;     // per tile of the picture

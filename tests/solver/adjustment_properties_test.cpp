@@ -11,7 +11,7 @@
 namespace huetrack::solver {
 namespace {
 
-constexpr AdjustmentOptions every_corner{.find_outliers = false};
+const AdjustmentOptions every_corner{.find_outliers = false};
 
 SyntheticCapture small_capture(std::uint64_t seed = 1, double noise_px = 0.2) {
   return synthetic_capture({.cameras = 3, .sets = 12, .noise_px = noise_px, .seed = seed});

@@ -13,7 +13,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr solver::WorldBox room{{-0.6, -0.6, 0.5}, {0.6, 0.6, 1.5}};
+const solver::WorldBox room{{-0.6, -0.6, 0.5}, {0.6, 0.6, 1.5}};
 
 WaveState poses_of_rig(const calib::CameraRig& rig) {
   WaveState state;

@@ -15,7 +15,7 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double step_s = 1.0 / 30;
+constexpr double knot_s = 1.0 / 30;
 
 struct Problem {
   calib::CameraRig rig;
@@ -37,16 +37,16 @@ Problem problem_of(const ProblemOptions& o) {
   Problem p;
   p.rig = rig_of(o.cameras);
   for (const calib::Camera& camera : p.rig.cameras) p.state.cam_from_world.push_back(camera.cam_from_world);
-  p.state.path = BallPath::over(-0.1, o.seconds + 0.1, step_s);
+  p.state.path = BallPath::over(-0.1, o.seconds + 0.1, knot_s);
   for (std::size_t k = 0; k < p.state.path.control.size(); ++k)
-    p.state.path.control[k] = o.path(p.state.path.start_s + (static_cast<double>(k) - 1) * step_s);
+    p.state.path.control[k] = o.path(p.state.path.start_s + (static_cast<double>(k) - 1) * knot_s);
   std::mt19937_64 rng(o.seed);
   std::normal_distribution<double> noise(0, o.noise_px);
   for (int c = 0; c < o.cameras; ++c) {
     const calib::Camera& camera = p.rig.cameras[static_cast<std::size_t>(c)];
     const CameraTime time = o.times.empty() ? CameraTime{} : o.times[static_cast<std::size_t>(c)];
-    for (int i = 0; i < static_cast<int>(o.seconds / step_s); ++i) {
-      const double middle_s = i * step_s + 0.007 * c;
+    for (int i = 0; i < static_cast<int>(o.seconds / knot_s); ++i) {
+      const double middle_s = i * knot_s + 0.007 * c;
       double exposed_s = middle_s;
       std::optional<Vector2d> px;
       for (int round = 0; round < 4; ++round) {

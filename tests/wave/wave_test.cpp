@@ -456,6 +456,30 @@ TEST(Wave, PlanarMotionIsDoubtfulAndCannotStartFromNothing) {
                              finds(Fault::contradicting_motion, HasSubstr("no two cameras agree"))));
 }
 
+// One camera has only a patch of the colour that flickers about one place: it is no static clutter, and no ball.
+// Whatever the start makes of it, the user gets a named error or a doubtful result.
+TEST(Wave, FlickeringPatchInsteadOfTheBallIsNeverUsable) {
+  const calib::CameraRig truth = rig_of(3);
+  std::mt19937_64 rng(4);
+  std::normal_distribution<double> jitter(0, 3);
+  std::vector<BallFrame> frames = waved(truth, {.seconds = 4});
+  for (BallFrame& frame : frames) {
+    if (frame.camera != 2 || frame.regions.empty()) continue;
+    frame.regions.resize(1);
+    frame.regions.front().centre = {300 + jitter(rng), 200 + jitter(rng)};
+  }
+  for (const bool has_poses : {true, false}) {
+    WaveOptions options = taped(truth);
+    options.has_poses = has_poses;
+    try {
+      const WaveResult r = calibrate_wave(truth, frames, options);
+      EXPECT_FALSE(is_usable(r)) << report::to_text(report::report_on(r), r);
+    } catch (const solver::CalibrationError& error) {
+      EXPECT_STRNE(error.what(), "");
+    }
+  }
+}
+
 TEST(Wave, RejectsInvalidOptions) {
   const calib::CameraRig rig = rig_of(2);
   EXPECT_TRUE(WaveOptions{}.problems(rig).empty());
