@@ -279,6 +279,14 @@ std::string shown_name(const recordings::Recording& recording) {
 // A visible target is usually found in two sets; a longer search has a reason.
 constexpr double usual_search_s = 0.5;
 
+// Share of the target's estimates that are `tracking`.
+double tracked_share(const TargetSummary& target) {
+  std::uint64_t all = 0, tracked = 0;
+  for (const auto& [state, count] : target.sets)
+    all += count, tracked += state == object_tracking::TrackState::tracking ? count : 0;
+  return all == 0 ? 0 : double(tracked) / double(all);
+}
+
 // config: in force at the end. figures: after the run
 ReplaySummary summary_of(const config::ServiceConfig& config, const ReplayCommand& command,
                          const pipeline::PipelineFigures& figures, const recordings::ReplaySource& source,
@@ -304,6 +312,7 @@ ReplaySummary summary_of(const config::ServiceConfig& config, const ReplayComman
     if (target.first_tracking_set) {
       if (target.first_tracking_s > usual_search_s)
         target.advice = reports::late_advice(figures.searches[t], config.targets[t]);
+      if (target.advice.empty()) target.advice = reports::seldom_advice(tracked_share(target), config.targets[t]);
       continue;
     }
     target.advice =

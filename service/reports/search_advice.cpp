@@ -39,6 +39,14 @@ std::string search_advice(const objects::SearchFindings& findings, const object_
          opencv;
 }
 
+std::string seldom_advice(double tracked_share, const object_tracking::TargetOptions& target) {
+  constexpr double seldom = 0.25;  // clutter of another colour range is tracked for moments
+  const std::string opencv = color::opencv_hue_text(target.color);
+  if (tracked_share >= seldom || opencv.empty()) return {};
+  return fmt::format("it was tracked in only {:.0f} % of the sets, and may be something else; {}; {}",
+                     100 * tracked_share, color::hue_text(target.color), opencv);
+}
+
 std::string late_advice(const objects::SearchFindings& findings, const object_tracking::TargetOptions& target) {
   const std::string of_size = size_advice(findings.radius_before_m, target);
   return of_size.empty() ? "" : "it was found late: " + of_size;

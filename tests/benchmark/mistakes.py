@@ -166,10 +166,10 @@ HANG = "split[a][b];[a][b]freezeframes=first=90:last=100000:replace=89"
 
 
 def opencv_hue(case, rng, scratch):
-    """Said where a target is never found, as advice: it is no mistake that the tracks show."""
+    """Advice for a target that is never or seldom tracked: it is no mistake that the tracks show."""
     for target in case.config["targets"].values():
         target["color"]["hue_deg"] = [hue / 2 for hue in target["color"]["hue_deg"]]
-    return [r"never found.*OpenCV.*write"]
+    return ["OpenCV.*write"]
 
 
 def other_room(case, rng, scratch):
@@ -284,6 +284,11 @@ def verdict(patterns, named):
     return is_right, [s for s in blames if not any(re.search(p, s) for p in patterns)]
 
 
+def counted(make, named, advice):
+    """What counts as named. Of OpenCV's hue the advice; that the range as written covers other things as well is true."""
+    return [s for s in named if " covers " not in s] + advice if make is opencv_hue else named
+
+
 def run(huetrackd, case, scratch):
     case.config["rig"] = f"{scratch}/rig.yaml"
     for name, content in (("rig", case.rig), ("recording", case.recording), ("huetrackd", case.config)):
@@ -293,7 +298,7 @@ def run(huetrackd, case, scratch):
     if done.returncode not in (0, 3):
         sys.exit(done.stdout + done.stderr)
     named = named_mistakes(done.stdout)
-    advice = ["never found: " + line[10:] for line in done.stdout.splitlines() if line.startswith("  search  ")]
+    advice = [line[10:] for line in done.stdout.splitlines() if line.startswith("  search  ")]
     trouble = re.search(r"^  cameras reported .*(turned|sags|zoom|focus|seen)", done.stdout, re.M)
     may_be_lost = re.search(r"^  light .*the colour has (moved|become)", done.stdout, re.M)
     if not may_be_lost and (done.returncode == 3) != bool(named or trouble):
@@ -322,8 +327,7 @@ def main():
                     case = Case(scene.resolve())
                     patterns = mistake(case, np.random.default_rng([seed, sum(map(ord, mistake.__name__))]), scratch)
                     named, advice = run(a.huetrackd, case, scratch)
-                    if mistake is opencv_hue:
-                        named += advice
+                    named = counted(mistake, named, advice)
                     seconds, nees, tracking, errors, sets = track_figures(f"{scratch}/tracks.csv", scene / "groundtruth.csv",
                                                                           case.config["targets"])
                 is_right, wrong = verdict(patterns, named)

@@ -189,8 +189,7 @@ def mistake(make):
             made_of = mistakes.Case(scene)
             patterns = make(made_of, np.random.default_rng([0, sum(map(ord, make.__name__))]), scratch)
             named, advice = mistakes.run(str(programs.huetrackd), made_of, scratch)
-            if make is mistakes.opencv_hue:  # no mistake that the tracks show: what the never-found target's advice says
-                named = named + advice
+            named = mistakes.counted(make, named, advice)
             longest, nees, tracking, errors, sets = mistakes.track_figures(f"{scratch}/tracks.csv", scene / "groundtruth.csv",
                                                                            made_of.config["targets"])
         is_right, wrong = mistakes.verdict(patterns, named)

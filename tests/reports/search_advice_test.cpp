@@ -47,6 +47,16 @@ TEST(SearchAdvice, NamesTheColorThatTheHueMeansAlsoInOpenCvUnits) {
               AllOf(HasSubstr("hue_deg [10, 22] is"), HasSubstr("OpenCV"), HasSubstr("write [20, 44]")));
 }
 
+TEST(SeldomAdvice, NamesTheColorThatTheHueMeans) {
+  EXPECT_EQ(seldom_advice(0.5, target_of(0.04)), "");
+  EXPECT_THAT(
+      seldom_advice(0.16, target_of(0.04)),
+      AllOf(HasSubstr("in only 16 % of the sets"), HasSubstr("hue_deg [10, 22] is"), HasSubstr("write [20, 44]")));
+  object_tracking::TargetOptions blue = target_of(0.04);
+  blue.color.hue_min_deg = 210, blue.color.hue_max_deg = 250;
+  EXPECT_EQ(seldom_advice(0.16, blue), "");
+}
+
 TEST(LateAdvice, StatesTheRadiusThatTheSearchSaw) {
   objects::SearchFindings findings;
   EXPECT_EQ(late_advice(findings, target_of(0.04)), "");
