@@ -66,25 +66,42 @@ def fields_of(root):
     return fields, files
 
 
+def opened(text, fields, variables):
+    """The source with its Tuning structs read from the environment. What is constexpr because of them is so no longer; a template
+    argument keeps its value."""
+    def instance(m):
+        body = " ".join(f'huetrack::sensitivity::vary("{m[4]}.{f}", t.{f});' for f, _ in fields.get(m[4], []))
+        return f"{m[1]}{m[2] or ''}const {m[3]}{m[4]} {m[5]} = [] {{ {m[3]}{m[4]} t{{}}; {body} return t; }}();"
+
+    def template_argument(m):
+        values = dict(fields.get(variables.get(m[1], ""), []))
+        return m[0].replace(f"{m[1]}.{m[2]}", values.get(m[2], f"{m[1]}.{m[2]}"))
+
+    text, count = INSTANCE.subn(instance, text)
+    text = re.sub(r"integral_constant<\w+, (\w+)\.(\w+)>", template_argument, text)
+    if variables:
+        used = r"\b(?:" + "|".join(variables) + r")\."
+        text = re.sub(rf"^(\s*)((?:inline |static )*)constexpr (?=[^;{{]*{used})", r"\1\2const ", text, flags=re.M)
+        text = re.sub(rf"^constexpr (\w[\w:]* \w+\([^;{{]*\) \{{\n(?:[^}}]*\n)?[^}}]*{used})", r"inline \1", text, flags=re.M)
+    text = re.sub(r"^(  static )const (?=\w+ \w+ = )", r"\1inline const ", text, flags=re.M) if "#pragma once" in text else text
+    if count:
+        first = text.index("#pragma once\n") + len("#pragma once\n") if "#pragma once\n" in text else 0
+        text = text[:first] + '#include "calib/model/sensitivity.h"\n' + text[first:]
+    return text
+
+
 def copy_sources(to):
     """The tracked sources, with the Tuning structs open to the environment. Files that do not change keep their time."""
     fields, _ = fields_of(ROOT)
     listed = subprocess.run(["git", "ls-files", "-co", "--exclude-standard", "--", "CMakeLists.txt", "service", "calib", "clients", "idl", "configs"],
                             cwd=ROOT, capture_output=True, text=True, check=True).stdout.split("\n")
+    sources = [name for name in listed if name.startswith(constants.OBJECT_PATH) and name.endswith((".h", ".cpp"))]
+    variables = {m[5]: m[4] for name in sources for m in INSTANCE.finditer((ROOT / name).read_text())}
     digest = hashlib.sha256()
     for name in filter(None, listed):
         content = (ROOT / name).read_bytes()
-        if name.startswith(constants.OBJECT_PATH) and name.endswith((".h", ".cpp")):
-            text = content.decode()
-
-            def opened(m):
-                body = " ".join(f'huetrack::sensitivity::vary("{m[4]}.{f}", t.{f});' for f, _ in fields.get(m[4], []))
-                return f"{m[1]}{m[2] or ''}const {m[3]}{m[4]} {m[5]} = [] {{ {m[3]}{m[4]} t{{}}; {body} return t; }}();"
-            text, count = INSTANCE.subn(opened, text)
-            if count:
-                first = text.index("#pragma once\n") + len("#pragma once\n") if "#pragma once\n" in text else 0
-                text = text[:first] + '#include "calib/model/sensitivity.h"\n' + text[first:]
-            content = text.encode()
+        if name in sources:
+            content = opened(content.decode(), fields, variables).encode()
         digest.update(name.encode() + content)
         write_if_new(to / name, content)
     write_if_new(to / "calib/model/sensitivity.h", VARY.encode())
