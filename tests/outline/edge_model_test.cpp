@@ -166,7 +166,7 @@ TEST_P(EdgeModelProperty, DerivativesAreThoseOfFiniteDifferences) {
     const Unknowns expected_gradient = j.transpose() * w.cwiseProduct(r);
     const double r_size = std::sqrt(w.dot(r.cwiseAbs2()));
     const double edge_radii = std::hypot(ball.blur_px, ball.more_px) / ball.radius_px;
-    const auto tolerance = [&](int a) { return a == size_ ? 0.02 + edge_radii : 0.02; };
+    const auto tolerance = [&](int a) { return 0.02 + edge_radii * (a == size_ ? 1 : a <= cv_ ? 0.2 : 0); };
     for (int a = 0; a < unknowns; ++a) {
       const double size_a = std::sqrt(expected(a, a));
       if (size_a < 1e-6) continue;  // exposure of a ball at rest
@@ -226,7 +226,7 @@ TEST_P(EdgeModelProperty, RenewedGradientHasTheOldDerivatives) {
     for (int a = 0; a < unknowns; ++a) {
       const double size = std::sqrt((w.array() * j.col(a).array().square()).sum()) * r_size;
       if (size < 1e-6) continue;
-      EXPECT_NEAR(gradient[a] / size, j.col(a).dot(w.cwiseProduct(r)) / size, a == size_ ? 0.2 : 0.02)
+      EXPECT_NEAR(gradient[a] / size, j.col(a).dot(w.cwiseProduct(r)) / size, a == size_ ? 0.2 : 0.04)
           << trial << " " << a;
     }
   }
@@ -267,7 +267,7 @@ TEST(EdgeModel, CoversTheIntegralOfItsEdge) {
   residuals(*sums, model_at(ball, x, 1), *samples);
   samples->for_each([&](const EdgeSamples::Block& of, int k) {
     const double off = (static_cast<double>(of.u[k]) - ball.radius_px) / ball.blur_px;
-    EXPECT_NEAR(static_cast<double>(of.covered[k]), 0.5 * std::erfc(off / std::numbers::sqrt2), 0.012) << off;
+    EXPECT_NEAR(static_cast<double>(of.covered[k]), 0.5 * std::erfc(off / std::numbers::sqrt2), 0.025) << off;
   });
 }
 
@@ -279,7 +279,7 @@ TEST(InverseRoot, IsRightBetweenItsBounds) {
     const InverseRoot root(least, most);
     for (int k = 0; k <= 20; ++k) {
       const double x = least + k / 20.0 * (most - least);
-      ASSERT_NEAR(static_cast<double>(root(static_cast<float>(x))) * std::sqrt(x), 1, 3e-4) << least << " " << most;
+      ASSERT_NEAR(static_cast<double>(root(static_cast<float>(x))) * std::sqrt(x), 1, 7e-4) << least << " " << most;
     }
   }
 }
