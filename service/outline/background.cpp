@@ -17,7 +17,6 @@ struct BackgroundTuning {
   float min_light_noise = 0.7f;    // grey values, 1 sigma; quantisation alone is 0.3
   float min_chroma_noise = 0.5f;   // grey values, 1 sigma
   double noise_kept = 0.98;        // of the noise statistics, from tile to tile
-  double min_noise_samples = 500;  // before the noise is estimated: 4 % of it, 1 sigma
   int rare_period = 4;             // learn_all(): a well known tile is updated in one of so many pictures
   std::uint32_t known_count = 4;   // updates of a tile; with fewer it is hardly known
   int min_tiles = 2;               // updated near the object, per picture
@@ -31,6 +30,7 @@ constexpr int settled_count = background_tuning.max_count / 2;  // the mean is g
 constexpr int margin_px = Background::tile_px / 2;              // around the object, of what is learnt first
 constexpr double tile_reach_px = 0.7 * Background::tile_px;     // maths: half a tile's diagonal
 constexpr double mean_abs_of_normal = 0.798;                    // maths: E|x| = sqrt(2 / pi) sigma
+constexpr double min_noise_samples = 500;                       // maths: 4 % of the noise, 1 sigma
 constexpr int full_share = 1 << 15;                             // layout: shares of 16 bits
 
 constexpr int size = Background::tile_px;
@@ -163,8 +163,7 @@ void Background::forget() {
 void Background::Noise::add(double sum_of_deviations, double of, float min_noise) {
   sum = background_tuning.noise_kept * sum + sum_of_deviations;
   count = background_tuning.noise_kept * count + of;
-  if (count > background_tuning.min_noise_samples)
-    noise = std::max(min_noise, static_cast<float>(sum / count / mean_abs_of_normal));
+  if (count > min_noise_samples) noise = std::max(min_noise, static_cast<float>(sum / count / mean_abs_of_normal));
 }
 
 Background::Tile& Background::tile_for(int index) {

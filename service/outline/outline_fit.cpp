@@ -13,15 +13,14 @@ namespace {
 
 // Which outlines are fitted, and which fits are accepted.
 struct OutlineFitTuning {
-  double reach_px = 4;         // px beyond and within the edge: 4 sigma of a soft edge
-  double min_radius_px = 1.5;  // px; smaller discs are all edge
-  int min_pixels = 24;         // samples of light
-  float min_contrast = 4;      // of the object to the background, in standard deviations of a pixel
-  float model_light = 1.5f;    // grey values by which the model itself errs, 1 sigma (experiment)
-  float model_chroma = 1.f;    // grey values, the same of chroma (experiment)
-  double usual_loss = 0.66;    // robust loss of a normal residual's square, mean; 0.63 without rounding to grey values
-  double max_misfit = 9;       // mean squared residual, in variances
-  double min_visible = 0.25;   // share of the edge
+  double reach_px = 4;           // px beyond and within the edge: 4 sigma of a soft edge
+  double min_radius_px = 1.5;    // px; smaller discs are all edge
+  int min_pixels = 24;           // samples of light
+  float min_contrast = 4;        // of the object to the background, in standard deviations of a pixel
+  float model_light = 1.5f;      // grey values by which the model itself errs, 1 sigma (experiment)
+  float model_chroma = 1.f;      // grey values, the same of chroma (experiment)
+  double max_misfit = 9;         // mean squared residual, in variances
+  double min_visible = 0.25;     // share of the edge
   double max_shift_radii = 0.8;  // of the centre from the start
   double max_growth = 0.35;      // of log size from its prior
   double max_exposure_s = 0.04;  // seconds; longer is not possible at 25 Hz
@@ -29,18 +28,17 @@ struct OutlineFitTuning {
   double color_edge_px = 1.2;    // and otherwise so many px inside the edge
 };
 constexpr OutlineFitTuning outline_fit{};
+constexpr double usual_loss = 0.66;  // maths: mean of robust() of a normal residual, 0.63, and of rounding
 
 // Priors of the light, standard deviations; light is linear, 1: the object's own.
 struct LightPriorTuning {
-  double background_gain = 0.1;       // from picture to picture: lamps, clouds, automatic exposure
-  double background_slope = 0.05;     // of that gain over the rows, per radius: flicker on a rolling shutter
+  double background_gain = 0.1;       // lamps, clouds, exposure; half of it as a slope over the rows, per radius
   double shading = 0.5;               // brightness of the ball
   double shading_slope = 0.7;         // light from one side
   double shading_quadratic = 0.05;    // light that bends across the picture; larger passes for the edge (experiment)
   double shading_depth = 0.2;         // light that darkens towards the edge
   double shading_depth_slope = 0.03;  // and more on one side; larger passes for a shift of the edge (experiment)
-  double paleness = 0.2;              // white added to the ball's colour
-  double paleness_slope = 0.05;       // and more on one side
+  double paleness = 0.2;              // white added to the ball's colour; a quarter of it as a slope
 };
 constexpr LightPriorTuning light_prior{};
 
@@ -59,9 +57,7 @@ struct OutlineStepTuning {
   double far_px = 0.35;         // half an edge's softness: beyond it derivatives are made again
   double other_blur = 0.2;      // and for an edge so much softer, natural logarithm
   double other_weight = 1.1;    // and where robust weights have changed by so much
-  double max_step_radii = 0.4;  // of the centre, per step
-  double max_step_size = 0.2;   // of log size, per step
-  double max_step_blur = 0.4;   // of log blur, per step
+  double max_step = 0.4;        // trust region: radii of the centre, log of blur; half of it of log size
   int outlier_steps = 3;        // in which outliers are judged; later they would chase the fit
 };
 constexpr OutlineStepTuning outline_step{};
@@ -153,7 +149,7 @@ void OutlineFit::begin(const AppearanceModel& model, const FitOptions& options) 
   set_prior(blur_chroma_, model.log_blur_chroma.value,
             std::hypot(model.log_blur_chroma.sigma, appearance_learning.blur_sigma));
   set_prior(exposure_, model.exposure_s.value, model.exposure_s.sigma);
-  set_prior(lit_, 0, light_prior.background_gain), set_prior(lit_ + 1, 0, light_prior.background_slope);
+  set_prior(lit_, 0, light_prior.background_gain), set_prior(lit_ + 1, 0, light_prior.background_gain / 2);
   set_prior(shading_, 1, light_prior.shading);
   for (int i = 1; i < 3; ++i) set_prior(shading_ + i, 0, light_prior.shading_slope);
   // Any light on a matte ball is a quadratic polynomial of its surface's direction (Ramamoorthi and Hanrahan 2001).
@@ -163,7 +159,7 @@ void OutlineFit::begin(const AppearanceModel& model, const FitOptions& options) 
   set_prior(shading_ + 6, 0, light_prior.shading_depth);
   for (int i = 7; i < 9; ++i) set_prior(shading_ + i, 0, light_prior.shading_depth_slope);
   set_prior(paleness_, 0, light_prior.paleness);
-  for (int i = 1; i < 3; ++i) set_prior(paleness_ + i, 0, light_prior.paleness_slope);
+  for (int i = 1; i < 3; ++i) set_prior(paleness_ + i, 0, light_prior.paleness / 4);
   expected_ = x_;
   if (!model.light) return;
   if (is_light_held_) {
@@ -238,7 +234,7 @@ void OutlineFit::add_up(Add&& add) {
   if (has_chroma_) add(model_of_chroma(of_light), chroma_);
   sums_.gradient(gradient_);
   gradient_[lit_ + 1] /= band_.radius_px;  // lit_v is per radius
-  misfit_ = sums_.trusted > 0 ? sums_.residual2 / sums_.trusted / outline_fit.usual_loss : 0;
+  misfit_ = sums_.trusted > 0 ? sums_.residual2 / sums_.trusted / usual_loss : 0;
 }
 
 HeldNormal OutlineFit::held_information() const {
@@ -323,9 +319,9 @@ Unknowns OutlineFit::limited(Unknowns step) const {
   const auto limit = [&](double length, double most) {
     if (length > most) step *= most / length;
   };
-  limit(step.head<2>().norm(), outline_step.max_step_radii * band_.radius_px);
-  limit(std::abs(step[size_]), outline_step.max_step_size);
-  limit(step.segment<2>(blur_light_).cwiseAbs().maxCoeff(), outline_step.max_step_blur);
+  limit(step.head<2>().norm(), outline_step.max_step * band_.radius_px);
+  limit(std::abs(step[size_]), outline_step.max_step / 2);
+  limit(step.segment<2>(blur_light_).cwiseAbs().maxCoeff(), outline_step.max_step);
   return step;
 }
 

@@ -90,14 +90,11 @@ struct RoomFocusTuning {
   int settling_ms = 400;           // the blur must be constant for so long, or grow three times as long: no shaking
   double same_blur = 0.2;          // of a blur, and
   double same_blur_blocks = 0.15;  // so many blocks: differences up to that are none
-  double strong_blur_1 = 3;        // blocks; where no patch is found, they are compared after blurs of so much,
-  double strong_blur_2 = 4;
-  double strong_blur_3 = 5.5;
-  double strong_blur_4 = 7.5;
-  double min_correlation = 0.9;  // of a blurred patch in its place; something else has it once in fifty
-  float min_contrast = 0.3f;     // of a patch's own; less in most of them is a covered camera, in some a plain object
+  double min_correlation = 0.9;    // of a blurred patch in its place; something else has it once in fifty
+  float min_contrast = 0.3f;       // of a patch's own; less in most of them is a covered camera, in some a plain object
 };
 constexpr RoomFocusTuning room_focus{};
+constexpr std::array strong_blurs{3.0, 4.0, 5.5, 7.5};  // maths: nodes of a search, blocks
 
 // Changes of the room. People who stand sway by some millimetres in three seconds, a quarter of a block at 4 m.
 struct RoomChangeTuning {
@@ -482,8 +479,7 @@ std::optional<RotationFit> CameraWatch::fit_all(const Luma& luma, Timestamp at, 
 // The blur, blocks, after which the patches look as the picture does, each in its place; 0: there is none.
 double CameraWatch::strong_blur(const Luma& luma) const {
   double best = 0, best_sum = 0;
-  for (const double blur :
-       {room_focus.strong_blur_1, room_focus.strong_blur_2, room_focus.strong_blur_3, room_focus.strong_blur_4}) {
+  for (const double blur : strong_blurs) {
     int observable = 0, alike = 0;
     double sum = 0;
     for (const Watched& w : watched_) {

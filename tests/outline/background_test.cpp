@@ -189,7 +189,7 @@ TEST_P(BackgroundOf, AgreesWithAPlainMean) {
   const auto [columns, rows] = GetParam();
   const int chroma_width = width / columns, chroma_height = height / rows;
   std::mt19937 rng(6);
-  std::normal_distribution<double> noise(0, 2);
+  std::normal_distribution<double> noise(0, 1);
   std::uniform_real_distribution<double> share(0, 1);
   Background background(width, height);
   const double gate = std::max(8.0, 5.0 * static_cast<double>(background_noise.initial_noise));
