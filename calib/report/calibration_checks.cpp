@@ -21,18 +21,18 @@ struct Limits {
 constexpr double never = 1e300;
 // rms of a camera's corners, of its image's width: 0.6 px of 640. A board seen well leaves a fourth of it.
 constexpr Limits rms_share{0.001, 0.006};
-constexpr Limits focal_share{0.005, 0.03};     // standard deviation / focal length
-constexpr Limits centre_share{0.006, 0.05};    // of the principal point / image width
-constexpr Limits aspect{0.01, never};          // |fx / fy - 1|
-constexpr Limits position_share{0.01, 0.05};   // of a camera / its distance to the boards
-constexpr Limits rotation_deg{0.3, 3};         // of a camera
-constexpr Limits volume_share{0.01, 0.05};     // 95 % of the volume / distance of the cameras; and
-constexpr double little_volume_share = 0.002;  // from here on, where it outweighs the noise of what will be tracked
-constexpr Limits dropped_share{0.2, 0.6};      // views
-constexpr Limits behind_share{0.02, 0.5};      // views that show the board's back
-constexpr Limits not_synchronised{1.6, never};      // noise of all together / of each alone
-constexpr Limits fast_share{2, never};         // rms of views that move fast / of slow ones
-constexpr double latest_s = 0.1;               // that a camera stamps later than another: beyond, it is frames behind
+constexpr Limits focal_share{0.005, 0.03};      // standard deviation / focal length
+constexpr Limits centre_share{0.006, 0.05};     // of the principal point / image width
+constexpr Limits aspect{0.01, never};           // |fx / fy - 1|
+constexpr Limits position_share{0.01, 0.05};    // of a camera / its distance to the boards
+constexpr Limits rotation_deg{0.3, 3};          // of a camera
+constexpr Limits volume_share{0.01, 0.05};      // 95 % of the volume / distance of the cameras; and
+constexpr double little_volume_share = 0.002;   // from here on, where it outweighs the noise of what will be tracked
+constexpr Limits dropped_share{0.2, 0.6};       // views
+constexpr Limits behind_share{0.02, 0.5};       // views that show the board's back
+constexpr Limits not_synchronised{1.6, never};  // noise of all together / of each alone
+constexpr Limits fast_share{2, never};          // rms of views that move fast / of slow ones
+constexpr double latest_s = 0.1;                // that a camera stamps later than another: beyond, it is frames behind
 // Of a pixel's ray, where boards were, of the image's width: 0.3 px of 640.
 constexpr Limits ray_share{0.0005, 0.005};
 constexpr double contradicted_sigmas = 2;  // a lens that was given: by these views it is another one

@@ -23,8 +23,9 @@ std::string found_here(const solver::Extrinsics& result) {
 
 // What is believed of lenses whose files do not say how well they are known; empty: none is.
 std::string believed_text(const solver::Extrinsics& result) {
-  const bool any = std::ranges::any_of(
-      result.given_lens_checks, [](const std::optional<solver::GivenLensCheck>& lens) { return lens && !lens->has_covariance; });
+  const bool any = std::ranges::any_of(result.given_lens_checks, [](const std::optional<solver::GivenLensCheck>& lens) {
+    return lens && !lens->has_covariance;
+  });
   if (!any) return "";
   return fmt::format(
       "; how well they are known their files do not say: what is stated allows for what usual webcams' are wrong by "

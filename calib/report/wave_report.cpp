@@ -89,7 +89,8 @@ void doubt_camera(WaveReport& report, const WaveResult& result, const WaveCamera
                     "of that colour, wrong times, or the wrong lens",
                     name, camera.used, camera.seen));
   }
-  if (result.had_poses && (camera.moved_m > far_from_rig * result.camera_distance_m || camera.turned_rad > far_turned_rad)) {
+  if (result.had_poses &&
+      (camera.moved_m > far_from_rig * result.camera_distance_m || camera.turned_rad > far_turned_rad)) {
     report.doubts.push_back(fmt::format(
         "{} is {:.2f} m and {:.0f} degrees from where the rig had it: are the cameras' names swapped, or is "
         "it the wrong rig?",

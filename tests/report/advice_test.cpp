@@ -95,8 +95,9 @@ TEST(Advice, OfCamerasThatShareNoView) {
 
 TEST(Advice, OfMeasuredPoints) {
   const std::vector<Eigen::Vector3d> line{{0, 0, 0}, {1, 0, 0}, {2, 0, 0}}, floor{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
-  EXPECT_EQ(told_of([&] { solver::align_points(line, line, false); }),
-            "the points are collinear: the rotation about their line is not determined. Measure one well beside the line");
+  EXPECT_EQ(
+      told_of([&] { solver::align_points(line, line, false); }),
+      "the points are collinear: the rotation about their line is not determined. Measure one well beside the line");
   calib::CameraRig rig = solver::synthetic_capture({.cameras = 2, .sets = 1}).rig;
   rig.cameras[0].cam_from_world = {Eigen::Quaterniond::Identity(), {0, 0, 1}};
   rig.cameras[1].cam_from_world = {Eigen::Quaterniond::Identity(), {0, 0, -1}};
@@ -114,9 +115,10 @@ TEST(Advice, IsWordForWordWhatItWas) {
   EXPECT_EQ(told_as("camera cam1 sees the board 1.43 times as large as camera cam0 does", Fault::different_sizes),
             "camera cam1 sees the board 1.43 times as large as camera cam0 does: did they see different boards, or is "
             "one camera's focal length wrong?");
-  EXPECT_EQ(told_as("contradict each other on their relative pose", Fault::contradicting_views),
-            "contradict each other on their relative pose: were the images taken at the same time, are they in the right "
-            "order, and did nobody move a camera?");
+  EXPECT_EQ(
+      told_as("contradict each other on their relative pose", Fault::contradicting_views),
+      "contradict each other on their relative pose: were the images taken at the same time, are they in the right "
+      "order, and did nobody move a camera?");
   EXPECT_EQ(
       told_as("the images of one of them are mirrored (left and right swapped)", Fault::mirrored_images),
       "the images of one of them are mirrored (left and right swapped): record them as the sensor sees them; or, if "
