@@ -1,5 +1,5 @@
-// Accuracy figures of a measuring volume from known lengths. calib/report/certificate_report.h judges them. Metres. Pure;
-// nothing throws.
+// Accuracy figures of a measuring volume from known lengths. calib/report/certificate_report.h judges them. Metres.
+// Pure; nothing throws.
 #pragma once
 
 #include <array>
@@ -21,9 +21,9 @@ struct Certificate {
   double mean_m = 0;            // of the errors; here and below each measurement has the same weight
   double rms_m = 0;
   double largest_m = 0;
-  // Expanded uncertainty: 95 % of future lengths have a smaller error (k = 2 of a normal distribution). Distribution-free
-  // by conformal prediction (Vovk, Gammerman and Shafer 2005): the ceil(0.95 (n + 1))-th smallest of n errors, plus the
-  // uncertainty of the true length.
+  // Expanded uncertainty: 95 % of future lengths have a smaller error (k = 2 of a normal distribution).
+  // Distribution-free by conformal prediction (Vovk, Gammerman and Shafer 2005): the ceil(0.95 (n + 1))-th smallest of
+  // n errors, plus the uncertainty of the true length.
   double expanded_m = 0;
   double true_length_sigma_m = 0;
 

@@ -63,9 +63,9 @@ void note_other(std::span<const MeasuredLength> measurement, double distance_m, 
   other.sets += measurement.size();
 }
 
-// A run: consecutive lengths between the same two objects, judged by the median of each measurement, since an object may
-// become another one without its track ending. If most measurements of a run do not match, none is used: a foreign object
-// may be at the right distance for a moment.
+// A run: consecutive lengths between the same two objects, judged by the median of each measurement, since an object
+// may become another one without its track ending. If most measurements of a run do not match, none is used: a foreign
+// object may be at the right distance for a moment.
 void judge_run(std::span<MeasuredLength> run, double length_m, int& next_measurement, OneColorBar& out) {
   next_measurement = number_measurements(run, next_measurement);
   std::vector<std::span<const MeasuredLength>> measurements;

@@ -1,5 +1,5 @@
-// Bar with two balls of one colour: associates tracked objects with its ends. Objects of one colour are distinguished by
-// their motion only (service/object_tracking/trackers). Exchanged ends do no harm; a third object in place of an end
+// Bar with two balls of one colour: associates tracked objects with its ends. Objects of one colour are distinguished
+// by their motion only (service/object_tracking/trackers). Exchanged ends do no harm; a third object in place of an end
 // does. Pure; nothing throws.
 #pragma once
 
