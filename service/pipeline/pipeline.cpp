@@ -152,11 +152,11 @@ void Pipeline::run(std::stop_token stop) {
     pictures_.abandon();  // drawing is slow: drop what is not drawn yet
     camera_pictures_.abandon();
   });
-  std::jthread drawing([this] { guarded([this] { draw(); }); });
+  std::jthread drawing([this] { guarded([this] { draw(pictures_, &Output::on_picture); }); });
   std::jthread tracking([this] { guarded([this] { track(); }); });
   std::jthread camera_drawing, camera_tracking;
   if (camera_tracker_) {
-    camera_drawing = std::jthread([this] { guarded([this] { draw_camera(); }); });
+    camera_drawing = std::jthread([this] { guarded([this] { draw(camera_pictures_, &Output::on_camera_picture); }); });
     camera_tracking = std::jthread([this] { guarded([this] { track_camera_frames(); }); });
   }
   {
@@ -489,20 +489,11 @@ void Pipeline::track_camera_frames() {
   }
 }
 
-void Pipeline::draw_camera() {
-  while (auto job = camera_pictures_.pop()) {
+template <typename Job>
+void Pipeline::draw(BoundedQueue<Job>& jobs, void (Output::*on_job)(const Job&)) {
+  while (auto job = jobs.pop()) {
     Stopwatch watch;
-    for (Output* output : outputs_) output->on_camera_picture(*job);
-    const StageTime lap = watch.lap();
-    const std::scoped_lock lock(figures_mutex_);
-    figures_.draw += lap;
-  }
-}
-
-void Pipeline::draw() {
-  while (auto job = pictures_.pop()) {
-    Stopwatch watch;
-    for (Output* output : outputs_) output->on_picture(*job);
+    for (Output* output : outputs_) (output->*on_job)(*job);
     const StageTime lap = watch.lap();
     const std::scoped_lock lock(figures_mutex_);
     figures_.draw += lap;

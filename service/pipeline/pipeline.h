@@ -128,9 +128,9 @@ class Pipeline {
   void trust_cameras();
   void watch_mistakes(const capture::FrameSet& set, std::span<const object_tracking::ObjectEstimate> estimates);
   std::vector<bool> moved_cameras() const;
-  void draw();
+  template <typename Job>
+  void draw(BoundedQueue<Job>& jobs, void (Output::*on_job)(const Job&));
   void track_camera_frames();
-  void draw_camera();
   template <typename F>
   void guarded(F&& thread_body);  // an exception stops the pipeline
 

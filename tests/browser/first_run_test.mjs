@@ -157,7 +157,7 @@ async function test() {
   await sleep(3000); // in which it moves on: more moments tell how large it is
   await picture("7_taught");
   await page.click("#teach-save");
-  await until("it is saved", async () => /^Saved: ball is tracked by this colour and with this radius/.test(await page.textContent("#teach-says")));
+  await until("it is saved", async () => /^Saved: ball is now tracked by this colour and with this radius/.test(await page.textContent("#teach-says")));
   const size = Number(readFileSync(taught, "utf8").match(/radius_m: (0\.\d+)/)[1]);
   say(`${await page.textContent("#teach-says")} (40 mm is right)`);
   assert.ok(Math.abs(size - 0.04) < 0.0025, `a radius of ${size} m`);

@@ -248,7 +248,7 @@ TEST_F(Live, TracksWithoutRecordingOnADiskError) {
   config_ = config::load_service_config(folder_ / "c.yaml");
   const LiveSummary summary = run_live(config_, cameras(30), options_, requests_, {});
   EXPECT_GT(summary.figures.sets_tracked, 20u);
-  EXPECT_THAT(summary.status.warnings, testing::Contains(HasSubstr("nothing is recorded: /proc/huetrack")));
+  EXPECT_THAT(summary.status.warnings, testing::Contains(HasSubstr("nothing is being recorded: /proc/huetrack")));
 }
 
 TEST_F(Live, APreRollThatCannotBeSavedIsAWarningInTheStatus) {
@@ -263,7 +263,7 @@ TEST_F(Live, APreRollThatCannotBeSavedIsAWarningInTheStatus) {
 TEST_F(Live, AFullDiskEndsTheTracksFileAndIsReported) {
   options_.tracks = "/dev/full";
   EXPECT_THAT([&] { run_live(config_, cameras(90), options_, requests_, {}); },
-              testing::ThrowsMessage<std::runtime_error>(HasSubstr("the tracks are written no further")));
+              testing::ThrowsMessage<std::runtime_error>(HasSubstr("no more tracks are written")));
 }
 
 TEST_F(Live, APreRollHoldsTheConfigurationInForce) {

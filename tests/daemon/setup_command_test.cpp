@@ -116,7 +116,7 @@ TEST_F(SetUp, WithoutTwoCamerasNothingIsWritten) {
     set_up({.config = file, .with_page = true}, requests, {});
     FAIL() << "it was set up";
   } catch (const std::runtime_error& error) {
-    EXPECT_THAT(error.what(), AllOf(HasSubstr("my.yaml is not written"), HasSubstr("two cameras or more")));
+    EXPECT_THAT(error.what(), AllOf(HasSubstr("my.yaml was not written"), HasSubstr("at least two cameras")));
   }
   EXPECT_FALSE(fs::exists(file));
 }

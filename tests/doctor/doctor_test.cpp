@@ -177,8 +177,7 @@ class DoctorsConfig : public testing::Test {
 
 TEST_F(DoctorsConfig, DevicesThatAreNoneOrNotThere) {
   const std::string text = said_of("/dev/null", "/dev/video97");
-  EXPECT_THAT(text,
-              HasSubstr("FAIL  /dev/null is not a video device\n        -> name one of those below: run refuses"));
+  EXPECT_THAT(text, HasSubstr("FAIL  /dev/null is not a video device\n        -> use one of those below: run refuses"));
   EXPECT_THAT(text, HasSubstr("WARN  /dev/video97 is not stable"));
   EXPECT_THAT(text, HasSubstr("FAIL  /dev/video97 is not there\n        -> plug it in"));
 }
@@ -244,11 +243,11 @@ TEST_F(DoctorsConfig, OfACameraHost) {
       "version: 1\nhost: pi-3\ndds: {interfaces: [lo]}\ncameras: {left: {device: /dev/null, size: [640, "
       "480], format: yuyv}, right: {device: /dev/video97, size: [640, 480], format: mjpeg}}\n");
   const std::string text = said(folder / "host.yaml");
-  EXPECT_THAT(text, HasSubstr("ok    it is valid; camera host pi-3 with 2 cameras: trackers name them by host: pi-3"));
+  EXPECT_THAT(text, HasSubstr("ok    it is valid; camera host pi-3 with 2 cameras: trackers use host: pi-3"));
   EXPECT_THAT(text, HasSubstr("FAIL  /dev/null is not a video device"));
   EXPECT_THAT(text, HasSubstr("FAIL  /dev/video97 is not there"));
   EXPECT_THAT(text, HasSubstr("sends about"));
-  EXPECT_THAT(text, HasSubstr("uncompressed those of left"));
+  EXPECT_THAT(text, HasSubstr("uncompressed from left"));
   EXPECT_THAT(text, HasSubstr("this host's clock"));
   EXPECT_THAT(text, Not(HasSubstr("targets")));
   capture::write_text(folder / "bad.yaml",
@@ -334,7 +333,7 @@ TEST(JudgeSending, WhatComesAtOneMomentWantsRoom) {
   EXPECT_THAT(judge_sending(std::vector(5, small), 212992.0, true),
               AllOf(says(Grade::warning, "288 kB of frames may arrive at once"), advises("net.core.rmem_max")));
   EXPECT_THAT(judge_sending(std::vector{small, large}, 212992.0, true),
-              AllOf(says(Grade::note, "uncompressed those of b"), says(Grade::warning, "at one moment")));
+              AllOf(says(Grade::note, "uncompressed from b"), says(Grade::warning, "at one moment")));
   EXPECT_THAT(judge_sending(std::vector{small, large}, 4194304.0, true), Not(says(Grade::warning, "")));
   EXPECT_THAT(judge_sending(std::vector(5, large), 212992.0, false),
               AllOf(says(Grade::warning, "sends about 92"), Not(says(Grade::warning, "at one moment"))));

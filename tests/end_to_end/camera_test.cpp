@@ -142,7 +142,7 @@ TEST_F(CameraEndToEnd, WithoutAPoseTheSummarySaysSoAndTheMapIsKept) {
   const auto process = start(replay({"--no-dds"}));
   EXPECT_EQ(process->wait(), 0) << process->err();
   EXPECT_THAT(process->out(), testing::ContainsRegex("cam0 +never a pose"));
-  EXPECT_THAT(process->err(), HasSubstr("kept.map: map not saved: there never was a pose"));
+  EXPECT_THAT(process->err(), HasSubstr("kept.map: map not saved, because the camera never had a pose"));
   EXPECT_THAT(process->err(), HasSubstr("camera cam0: no pose for 3 s (searching)"));
   EXPECT_EQ(contents(folder_ / "kept.map"), older);
 }

@@ -388,7 +388,7 @@ TEST_F(EndToEnd, ATargetWithoutAColorIsSaidToHaveNone) {
   EXPECT_THAT(checked.out, Not(HasSubstr("hue_deg")));
   EXPECT_THAT(checked.out, HasSubstr("# color: none yet"));
   EXPECT_THAT(checked.out, HasSubstr("# lime: it has no colour yet: click on it"));
-  EXPECT_THAT(checked.out, HasSubstr("# lime: nobody has said its radius: 0.04 m is the default"));
+  EXPECT_THAT(checked.out, HasSubstr("# lime: no radius is set: 0.04 m is the default"));
   EXPECT_EQ(config::to_yaml(config::load_service_config(write(checked.out, "resolved.yaml"))),
             config::to_yaml(config::load_service_config(untaught)));
   const Result replayed = run({HUETRACKD, "replay", untaught, recording, "--no-dds"});

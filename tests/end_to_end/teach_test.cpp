@@ -96,7 +96,7 @@ TEST_F(Teach, OnePointSuggestsTheOtherAndTheColourThenTracks) {
   const std::string still = contents(stills / "cam0.png");
   const Result over = run({"teach", config, stills, "--at", at("cam0"), "--dry-run", "--pictures", stills});
   EXPECT_EQ(over.status, 1);
-  EXPECT_THAT(over.err, HasSubstr("stills/cam0.png is read by this run: it is not replaced"));
+  EXPECT_THAT(over.err, HasSubstr("stills/cam0.png is read by this run and is not replaced"));
   EXPECT_EQ(contents(stills / "cam0.png"), still);
   EXPECT_EQ(contents(config), by_hand);
   EXPECT_THAT(contents(taught),

@@ -117,7 +117,7 @@ TEST_F(Control, AnswersNonsenseWithASentence) {
     EXPECT_FALSE(reply.granted());
     EXPECT_EQ(reply.reason(),
               words.empty() || words[0] != "record"
-                  ? "This service does not know that request: it knows those that begin with record, target, camera, "
+                  ? "This service does not know that request: known requests begin with record, target, camera, "
                     "calibrate, replay, undo, redo, history."
                   : "This service does not know that request: after record it knows state, start, stop, save, list, "
                     "delete NAME.");
@@ -376,7 +376,7 @@ TEST_F(Cameras, ControlsAreReadSetAndSaved) {
   EXPECT_THAT(read.rows()[1].columns(),
               ElementsAre("power_line_frequency", "1", "0", "1", "1", "0", "menu", "0=Disabled;1=50 Hz", ""));
   EXPECT_EQ(ask({"camera", "set", "cam0", "gain=50"}).reason(),
-            "Set, and not saved: camera save cam0 gain=50 keeps it.");
+            "Set, but not saved: camera save cam0 gain=50 keeps it.");
   EXPECT_THAT(ask({"camera", "save", "cam0"}).reason(), HasSubstr("camera controls cam0 lists them"));
   EXPECT_EQ(fake->value, 50);
   EXPECT_EQ(config::load_service_config(config.file).cameras[0].controls[0].value, capture::ControlValue(3));
