@@ -10,8 +10,8 @@
 #include <numbers>
 #include <stdexcept>
 
-#include "object_tracking/trackers/object_tracker.h"
 #include "object_tracking/epipolar_consistency.h"
+#include "object_tracking/trackers/object_tracker.h"
 #include "scene/scene.h"
 #include "truth/truth.h"
 
@@ -116,7 +116,8 @@ TEST(WitnessOfThree, showsWhichCameraIsTurned) {
   run(tracker, scene, scene::render(scene, {.set_count = 150}), [&](const ObjectEstimate& e) {
     last = e;
     for (std::size_t c = 0; c < 3; ++c)
-      if (e.per_view[c].leave_one_out) sum[c] += squared_contradiction(*e.per_view[c].leave_one_out, rig.cameras[c]), ++n[c];
+      if (e.per_view[c].leave_one_out)
+        sum[c] += squared_contradiction(*e.per_view[c].leave_one_out, rig.cameras[c]), ++n[c];
   });
   for (std::size_t c : {0, 1}) {
     EXPECT_GT(sum[c] / n[c], 5.99) << c;  // in 1 of 20 by chance: each stands on the wrong one, or is it
