@@ -178,8 +178,7 @@ void check_network_camera(const LiveCameraConfig& camera, calib::ImageSize size,
 
 void check(const ServiceConfig& config, const yaml::YamlReader& root) {
   if (config.cameras.size() > calib::max_cameras)
-    root.fail("cameras",
-              fmt::format("are {}, and there may be {} at most", config.cameras.size(), calib::max_cameras));
+    root.fail("cameras", fmt::format("are {}, and there may be {} at most", config.cameras.size(), calib::max_cameras));
   if (config.targets.size() > most_targets)
     root.fail("targets", fmt::format("are {}, and {} at most can be tracked: each has particles, colour tables and "
                                      "topics of its own",

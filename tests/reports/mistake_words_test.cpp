@@ -23,7 +23,8 @@ TEST(MistakeWords, NameCameraSizeAndRemedy) {
               AllOf(HasSubstr("left and top look swapped"), HasSubstr("24 px")));
   EXPECT_THAT(
       text({MistakeKind::late, {1}, 0.2, 8}),
-      HasSubstr("right disagrees with the others by 8 px, and by more the faster orange moves: it is about 0.20 s late"));
+      HasSubstr(
+          "right disagrees with the others by 8 px, and by more the faster orange moves: it is about 0.20 s late"));
   EXPECT_THAT(text({MistakeKind::late, {1}, -0.2, 8}), HasSubstr("0.20 s early"));
   EXPECT_THAT(text({MistakeKind::turned, {1}, 0.0209, 8}), HasSubstr("it looks turned by 1.2 degrees"));
   EXPECT_THAT(text({MistakeKind::turned, {0, 1}, 0.0209, 8}),
@@ -33,20 +34,21 @@ TEST(MistakeWords, NameCameraSizeAndRemedy) {
   EXPECT_THAT(text({MistakeKind::zoomed, {1}, 0.91, 8}),
               AllOf(HasSubstr("right disagrees with the others by 8 px"), HasSubstr("focal length looks 0.91 times")));
   EXPECT_THAT(text({MistakeKind::mirrored, {1}, 0, 30}), HasSubstr("its pictures look mirrored"));
-  EXPECT_THAT(text({MistakeKind::late, {1}, 0.1, 0}), HasSubstr("right is about 0.10 s late, as the motion of orange shows"));
+  EXPECT_THAT(text({MistakeKind::late, {1}, 0.1, 0}),
+              HasSubstr("right is about 0.10 s late, as the motion of orange shows"));
   EXPECT_THAT(text({MistakeKind::late, {0, 1}, 0.1, 0}), HasSubstr("one of left and right is about 0.10 s late"));
   EXPECT_THAT(text({MistakeKind::late, {1}, 0.2, 8}), HasSubstr("correct its time stamps or timing.latency_s"));
   EXPECT_THAT(text({MistakeKind::uneven_times, {0, 2}, 0.067, 9}),
-              AllOf(HasSubstr("the time stamps of left and top are wrong"), HasSubstr("by up to 0.07 s"), HasSubstr("timestamps")));
+              AllOf(HasSubstr("the time stamps of left and top are wrong"), HasSubstr("by up to 0.07 s"),
+                    HasSubstr("timestamps")));
   EXPECT_THAT(text({MistakeKind::contradiction, {}, 0, 9}),
               AllOf(HasSubstr("up to 9 px apart"), HasSubstr("calibrate again")));
   EXPECT_THAT(text({MistakeKind::other_rig, {}, 0, 80}), HasSubstr("another room"));
+  EXPECT_THAT(text({MistakeKind::radius, {}, 0.028, 0}),
+              AllOf(HasSubstr("a radius of about 0.028 m"), HasSubstr("not 0.04: measure it, and correct radius_m")));
   EXPECT_THAT(
-      text({MistakeKind::radius, {}, 0.028, 0}),
-      AllOf(HasSubstr("a radius of about 0.028 m"), HasSubstr("not 0.04: measure it, and correct radius_m")));
-  EXPECT_THAT(text({.kind = MistakeKind::radius, .size = 0.028, .is_of_outlines = true}),
-              AllOf(HasSubstr("a radius of 0.028 m in all views"),
-                    HasSubstr("not 0.04: measure it, and correct radius_m")));
+      text({.kind = MistakeKind::radius, .size = 0.028, .is_of_outlines = true}),
+      AllOf(HasSubstr("a radius of 0.028 m in all views"), HasSubstr("not 0.04: measure it, and correct radius_m")));
   EXPECT_THAT(text({MistakeKind::shared_color, {2}, 0.12, 0}),
               HasSubstr("the colour of orange covers 12 % of top's picture"));
 }
