@@ -196,7 +196,9 @@ def mistake(make):
         out = {"right": int(is_right)} if patterns else {}
         out |= {"false_alarms": len(wrong), "tracking_pct": 100 * len(errors) / sets, "far": int(sum(e > figures.FAR_M for e in errors))}
         if nees:
-            out |= {"nees": float(np.mean(nees)), "rms_mm": 1e3 * float(np.sqrt(np.mean(np.square(errors)))) if errors else 0.0}
+            out["nees"] = float(np.mean(nees))
+        if errors:
+            out["rms_mm"] = 1e3 * float(np.sqrt(np.mean(np.square(errors))))
         return out
     return case
 
