@@ -194,7 +194,7 @@ TEST(ViewCoverage, NamesACameraThatIsOutOfFocus) {
   EXPECT_THAT(coverage.needs(), Not(out_of_focus));
   for (int view = 0; view < 7; ++view) add(0.6, 3.2);
   EXPECT_THAT(coverage.needs(), Contains("right is out of focus (edges blurred by 3.2 px, at best 0.6): focus it, and "
-                                         "begin anew"));
+                                         "start anew"));
   EXPECT_THAT(coverage.needs(), Not(Contains(HasSubstr("left is out of focus"))));
 }
 
