@@ -35,27 +35,27 @@ const Sequence& sequence() {
   return rendered;
 }
 
-struct Run {
+struct Trajectory {
   std::vector<CameraEstimate> estimates;
   std::vector<CameraMapPoint> map;
 };
 
-Run track(const std::vector<capture::Frame>& frames, const calib::Rigid3d& new_from_old = {}, double scale = 1,
-          std::uint64_t seed = 1) {
+Trajectory track(const std::vector<capture::Frame>& frames, const calib::Rigid3d& new_from_old = {}, double scale = 1,
+                 std::uint64_t seed = 1) {
   camera_tracking::CameraTrackerOptions options;
   std::vector<Eigen::Vector3d> corners = scene::DeskScene::rectangle_corners();
   for (Eigen::Vector3d& p : corners) p = new_from_old * Eigen::Vector3d(scale * p);
   options.start = camera_tracking::RectangleStart{corners, {}};
   options.seed = seed;
   const auto tracker = make_keyframe_tracker(sequence().camera, options);
-  Run out;
+  Trajectory out;
   for (const capture::Frame& f : frames) out.estimates.push_back(tracker->update(f));
   out.map = tracker->map();
   return out;
 }
 
-const Run& reference() {
-  static const Run run = track(sequence().frames);
+const Trajectory& reference() {
+  static const Trajectory run = track(sequence().frames);
   return run;
 }
 
@@ -109,7 +109,7 @@ TEST(KeyframeTracker, MapsPointsOfTheScene) {
 }
 
 TEST(KeyframeTracker, SameSeedSameBits) {
-  const Run again = track(sequence().frames);
+  const Trajectory again = track(sequence().frames);
   for (std::size_t i = 0; i < again.estimates.size(); ++i) {
     EXPECT_EQ(again.estimates[i].world_from_camera.translation, reference().estimates[i].world_from_camera.translation);
     EXPECT_EQ(again.estimates[i].covariance, reference().estimates[i].covariance);
@@ -117,7 +117,7 @@ TEST(KeyframeTracker, SameSeedSameBits) {
 }
 
 TEST(KeyframeTracker, SeedsDifferByLessThanTheSigma) {
-  const Run other = track(sequence().frames, {}, 1, 99);
+  const Trajectory other = track(sequence().frames, {}, 1, 99);
   for (std::size_t i = 0; i < other.estimates.size(); ++i) {
     const double sigma = std::sqrt(reference().estimates[i].covariance.topLeftCorner<3, 3>().trace());
     EXPECT_LT(position_error(other.estimates[i], reference().estimates[i].world_from_camera), 3 * sigma) << i;
@@ -127,7 +127,7 @@ TEST(KeyframeTracker, SeedsDifferByLessThanTheSigma) {
 TEST(KeyframeTracker, EquivariantToTheWorldFrame) {
   camera_tracking::RandomScene scene(1);
   const calib::Rigid3d new_from_old = scene.transform();
-  const Run moved = track(sequence().frames, new_from_old);
+  const Trajectory moved = track(sequence().frames, new_from_old);
   for (std::size_t i = 0; i < moved.estimates.size(); ++i) {
     ASSERT_EQ(moved.estimates[i].state, PoseState::tracking) << i;
     const calib::Rigid3d expected = new_from_old * reference().estimates[i].world_from_camera;
@@ -136,7 +136,7 @@ TEST(KeyframeTracker, EquivariantToTheWorldFrame) {
 }
 
 TEST(KeyframeTracker, EquivariantToTheScale) {
-  const Run larger = track(sequence().frames, {}, 3);
+  const Trajectory larger = track(sequence().frames, {}, 3);
   for (std::size_t i = 0; i < larger.estimates.size(); ++i) {
     ASSERT_EQ(larger.estimates[i].state, PoseState::tracking) << i;
     calib::Rigid3d expected = reference().estimates[i].world_from_camera;
@@ -146,7 +146,7 @@ TEST(KeyframeTracker, EquivariantToTheScale) {
 }
 
 TEST(KeyframeTracker, InvariantToContrast) {
-  const Run darker =
+  const Trajectory darker =
       track(with_grey_levels([](std::uint8_t grey) { return static_cast<std::uint8_t>(20 + 0.7 * grey); }));
   for (std::size_t i = 0; i < darker.estimates.size(); ++i) {
     ASSERT_EQ(darker.estimates[i].state, PoseState::tracking) << i;
@@ -163,7 +163,7 @@ TEST(KeyframeTracker, WithoutAnImageItCoastsThenIsLost) {
     f.status = capture::FrameStatus::corrupted;
     frames.push_back(f);
   }
-  const Run run = track(frames);
+  const Trajectory run = track(frames);
   const std::size_t first = sequence().frames.size();
   for (std::size_t i = first; i < frames.size(); ++i) {
     const CameraEstimate& e = run.estimates[i];
@@ -181,7 +181,7 @@ TEST(KeyframeTracker, DoesNotTrackNoise) {
   std::vector<capture::Frame> frames =
       with_grey_levels([&](std::uint8_t) { return static_cast<std::uint8_t>(random() % 256); });
   std::copy_n(sequence().frames.begin(), 6, frames.begin());
-  const Run run = track(frames);
+  const Trajectory run = track(frames);
   EXPECT_EQ(run.estimates[5].state, PoseState::tracking);
   for (std::size_t i = 6; i < frames.size(); ++i) EXPECT_NE(run.estimates[i].state, PoseState::tracking) << i;
 }

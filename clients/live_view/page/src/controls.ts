@@ -166,7 +166,7 @@ function open(): void {
   void updateHistory();
 }
 
-// From the first steps: the camera asking picture is too dark, or too bright.
+// From the first steps: the camera with a too dark or too bright picture.
 export function openControls(name: string): void {
   $<HTMLSelectElement>("controls-camera").value = name;
   open();
