@@ -50,7 +50,7 @@ struct AppearancePriorTuning {
 };
 inline constexpr AppearancePriorTuning appearance_prior{};
 
-// BallProjection model: what changes little from picture to picture of one camera. Prior of the next fit.
+// Appearance model: what changes little from picture to picture of one camera. Prior of the next fit.
 struct AppearanceModel {
   // log of the edge's standard deviation in pixels, the camera's mean; and of what demosaicing adds.
   Estimate log_blur_light{appearance_prior.log_blur_light, appearance_prior.log_blur_light_sigma};
