@@ -226,10 +226,14 @@ TEST(LocalBundleProperties, FindsTheOutliers) {
   for (std::size_t i = 0; i < bundle.problem.observations.size(); i += 20)
     bundle.problem.observations[i].px += Eigen::Vector2d(9, -7);
   adjust(camera().model, bundle.problem, 30);
-  int wrong = 0;
-  for (std::size_t i = 0; i < bundle.problem.observations.size(); ++i)
-    wrong += bundle.problem.observations[i].outlier != (i % 20 == 0);
-  EXPECT_LE(wrong, 3);
+  int false_alarms = 0;  // beyond 3.5 robust sigmas, by noise: some 3 %
+  for (std::size_t i = 0; i < bundle.problem.observations.size(); ++i) {
+    if (i % 20 == 0) {
+      EXPECT_TRUE(bundle.problem.observations[i].outlier) << i;
+    }
+    false_alarms += i % 20 != 0 && bundle.problem.observations[i].outlier;
+  }
+  EXPECT_LE(false_alarms, 8);
 }
 
 }  // namespace

@@ -384,7 +384,7 @@ TEST(LedTracker, ScheduleByTimeMayBeginWithinASlot) {
 TEST(LedTracker, ExplainsWhyThereIsNoPose) {
   const Outcome reversed = play(start_for(in_turn), {.lit = {7, 6, 5, 4, 3, 2, 1, 0}});
   EXPECT_EQ(reversed.poses, 0);
-  EXPECT_THAT(reversed.why, HasSubstr("no pose explains them: are led_schedule"));
+  EXPECT_THAT(reversed.why, HasSubstr("no pose explains them: check led_schedule"));
   EXPECT_THAT(play(start_for(in_turn), {.lit = {-1}, .frames = 20}).why, HasSubstr("no LED was seen in the last 2 s"));
   EXPECT_THAT(play(start_for(in_turn), {.lit = {0, 1, 2, -1, -1, -1, -1, -1}, .frames = 40}).why,
               HasSubstr("only 3 different LEDs were seen"));

@@ -168,7 +168,7 @@ TEST_F(Plot, ErrorsNameFileAndLine) {
   EXPECT_THAT(message(""), HasSubstr("bad.csv: is empty"));
   EXPECT_THAT(message("a,b\n1,2\n"), HasSubstr("bad.csv:1: the header has no column target"));
   EXPECT_THAT(message(header), HasSubstr("holds no row"));
-  EXPECT_THAT(message(header + "ball,0\n"), HasSubstr("bad.csv:2: has 2 fields, but the header 17"));
+  EXPECT_THAT(message(header + "ball,0\n"), HasSubstr("bad.csv:2: has 2 fields, but the header has 17"));
   EXPECT_THAT(message(header + "ball,x,1,1,1,0,0,0,1,0,0,1,0,1,tracking,2,1\n"),
               HasSubstr("bad.csv:2: t must be a time in seconds, got \"x\""));
   EXPECT_THAT(message(header + "ball,1,1,1,1,0,0,0,1,0,0,1,0,1,trakcing,2,1\n"),
