@@ -80,7 +80,7 @@ TEST(MistakeWatch, AWrongRigPublishesNothingConfident) {
   const Followed inflated = follow(scene, rig, true), plain = follow(scene, rig, false);
   EXPECT_GT(inflated.inflation[0], 0);
   EXPECT_LT(inflated.nees, 6);
-  EXPECT_LT(inflated.nees, 0.5 * uninflated.nees) << "by the trackers' own inflation alone";
+  EXPECT_LT(inflated.nees, 0.5 * plain.nees) << "by the trackers' own inflation alone";
 }
 
 TEST(MistakeWatch, AGoodRigIsNotInflated) {
