@@ -415,7 +415,7 @@ TEST_F(Calibrating, ABoardIsPrinted) {
                                                 {"print", "type=charuco", "x"},
                                                 {"print", "out=/etc/x", "0"}})
     EXPECT_FALSE(ask(words).granted()) << words.back();
-  EXPECT_THAT(ask({"board", "paper=A4"}).reason(), HasSubstr("is not known"));
+  EXPECT_THAT(ask({"board", "paper=A4"}).reason(), HasSubstr("nknown key paper=A4"));
   begin("echo 'huetrack-calibrate: it does not fit on A4' >&2; exit 1");
   EXPECT_EQ(ask({"print", "square_mm=90", "0"}).reason(), "It does not fit on A4.");
   begin("exec sleep 100");
@@ -504,10 +504,10 @@ TEST_F(Calibrating, RefusesInvalidRequests) {
                                                 {"state", "x"}})
     EXPECT_EQ(ask(words).reason(), unknown_calibration);
   EXPECT_THAT(ask({"wave", "none"}).reason(), HasSubstr("no target none"));
-  EXPECT_THAT(ask({"wave", "new"}).reason(), HasSubstr("which colour new has"));
+  EXPECT_THAT(ask({"wave", "new"}).reason(), HasSubstr("ew has no colour yet"));
   for (const char* seconds : {"", "4", "601", "nan", "5s", "-5"})
     EXPECT_THAT(ask({"wave", "ball", seconds}).reason(), HasSubstr("seconds, not")) << seconds;
-  EXPECT_THAT(ask({"board", "colour=red"}).reason(), HasSubstr("olour=red is not known"));
+  EXPECT_THAT(ask({"board", "colour=red"}).reason(), HasSubstr("nknown key colour=red"));
   EXPECT_THAT(ask({"report", "0"}).reason(), HasSubstr("no report"));
   EXPECT_THAT(ask({"stop"}).reason(), HasSubstr("No calibration is in progress"));
   config.control.allow_record = false;

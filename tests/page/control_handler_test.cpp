@@ -122,11 +122,11 @@ TEST_F(Control, AnswersNonsenseWithASentence) {
                   : "This service does not know that request: after record it knows state, start, stop, save, list, "
                     "delete NAME.");
   }
-  EXPECT_EQ(ask({"record", "read", "../secret", "0"}).reason(), "That is no recording's name.");
+  EXPECT_EQ(ask({"record", "read", "../secret", "0"}).reason(), "That is not a valid name of a recording.");
   EXPECT_EQ(ask({"record", "read", "none", "0"}).reason(), "There is no recording none.");
   for (const char* text : {"", "-1", "1e3", "0x10", "99999999999999999999999"})
     EXPECT_THAT(ask({"record", "read", "none", text}).reason(), StartsWith("Write a whole number")) << text;
-  EXPECT_EQ(ask({"record", "delete", "../secret"}).reason(), "That is no recording's name.");
+  EXPECT_EQ(ask({"record", "delete", "../secret"}).reason(), "That is not a valid name of a recording.");
   EXPECT_EQ(ask({"record", "delete", "none"}).reason(), "There is no recording none.");
   EXPECT_EQ(ask({"record", "stop"}).reason(), "Nothing is being recorded.");
   EXPECT_THAT(ask({"record", "save"}).reason(), StartsWith("There is no pre-roll to save: set record: {pre_roll_s"));
@@ -142,7 +142,7 @@ TEST_F(Control, ARecordingIsBegunEndedListedAndRead) {
   EXPECT_EQ(state()["state"], "recording");
   const std::string name = state()["name"];
   frames(11);
-  EXPECT_THAT(ask({"record", "start"}).reason(), HasSubstr("already recording"));
+  EXPECT_THAT(ask({"record", "start"}).reason(), HasSubstr("lready recording"));
   EXPECT_EQ(ask({"record", "read", name, "0"}).reason(), name + " is still being recorded: stop it first.");
   EXPECT_EQ(ask({"record", "delete", name}).reason(), name + " is still being recorded: stop it first.");
   ASSERT_EQ(ask({"record", "list"}).rows().at(0).columns().at(5), "recording");
@@ -478,7 +478,7 @@ TEST_F(Control, AReplayIsPausedSteppedAndSpedUp) {
                                                 {"replay", "speed", "nan"},
                                                 {"replay", "speed", "1000"}})
     EXPECT_FALSE(told(words).granted()) << words.back();
-  EXPECT_THAT(told({"replay", "close"}).reason(), HasSubstr("no cameras"));
+  EXPECT_THAT(told({"replay", "close"}).reason(), HasSubstr("no live cameras"));
   EXPECT_EQ(playback.now.position_s, 11);
   EXPECT_EQ(playback.now.speed, 0);
   EXPECT_EQ(ask({"replay", "pause"}).reason(), "This is not a replay.");

@@ -171,7 +171,7 @@ TEST(TeachingSession, AnUnreadableRecordingIsReported) {
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
     reason = session.answer(look, config).reason();
   }
-  EXPECT_THAT(reason, HasSubstr("What moves is not known: a.mkv is gone."));
+  EXPECT_THAT(reason, HasSubstr("Motion is unknown: a.mkv is gone."));
 }
 
 }  // namespace
