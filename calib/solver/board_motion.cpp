@@ -69,9 +69,9 @@ void move_moment(Adjustment& a, int set, double at_s) {
   BoardMotion& motion = a.motions[index(set)];
   if (motion.is_known) {
     const double tau = at_s - motion.at_s;
-    const calib::Tangent6d way = motion.course * Eigen::Vector2d(tau, tau * tau / 2);
-    calib::Rigid3d step = calib::exp((calib::Tangent6d() << way.head<3>(), Vector3d::Zero()).finished());
-    step.translation = way.tail<3>();
+    const calib::Tangent6d displacement = motion.course * Eigen::Vector2d(tau, tau * tau / 2);
+    calib::Rigid3d step = calib::exp((calib::Tangent6d() << displacement.head<3>(), Vector3d::Zero()).finished());
+    step.translation = displacement.tail<3>();
     a.world_from_board[index(set)] = a.world_from_board[index(set)] * step;
     motion.course.col(0) += tau * motion.course.col(1);
     // In the turned axes of the board.
@@ -109,9 +109,9 @@ void find_motion(Adjustment& a, const std::vector<PlacedSet>& sets, std::size_t 
   const calib::Rigid3d board_from_world = calib::inverse(a.world_from_board[index(sets[s].set)]);
   std::vector<std::size_t> around;
   std::vector<calib::Tangent6d> moved;  // per neighbour
-  for (const int way : {-1, 1}) {
+  for (const int side : {-1, 1}) {
     for (int k = 1; k <= sets_each_way; ++k) {
-      const std::size_t other = s + static_cast<std::size_t>(way * k);  // unsigned wrap-around below 0 is rejected
+      const std::size_t other = s + static_cast<std::size_t>(side * k);  // unsigned wrap-around below 0 is rejected
       const double gap_s = other < sets.size() ? std::abs(sets[other].at_s - sets[s].at_s) : longest_gap_s;
       if (!(gap_s < longest_gap_s)) break;
       const calib::Rigid3d step = board_from_world * a.world_from_board[index(sets[other].set)];

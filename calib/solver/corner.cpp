@@ -36,9 +36,9 @@ struct MovedPoint {
 };
 
 MovedPoint moved(const BoardMotion& motion, double tau, const Vector3d& point) {
-  const calib::Tangent6d way = motion.course * Eigen::Vector2d(tau, tau * tau / 2),
+  const calib::Tangent6d displacement = motion.course * Eigen::Vector2d(tau, tau * tau / 2),
                          rate_now = motion.course * Eigen::Vector2d(1, tau);
-  const Vector3d turn = way.head<3>();
+  const Vector3d turn = displacement.head<3>();
   const double angle = turn.norm();
   const Matrix3d w = cross_matrix(turn);
   // exp(turn + d) = exp(turn) exp(J d). The closed forms lose digits at small angles, where the series is exact.
@@ -48,7 +48,7 @@ MovedPoint moved(const BoardMotion& motion, double tau, const Vector3d& point) {
   const double c = angle < 1e-3 ? 1.0 / 6 - angle2 / 120 : (angle - std::sin(angle)) / (angle2 * angle);
   MovedPoint result;
   result.rotation = Matrix3d::Identity() + s * w + b * w * w;
-  result.point = result.rotation * point + way.tail<3>();
+  result.point = result.rotation * point + displacement.tail<3>();
   const Matrix3d by_turn = -result.rotation * cross_matrix(point) * (Matrix3d::Identity() - b * w + c * w * w);
   for (const int order : {0, 1}) {
     const double by_course = order == 0 ? tau : tau * tau / 2;
@@ -81,9 +81,9 @@ BoardCorner corner_of(const Adjustment& a, const BoardShape& shape, std::size_t 
 bool corner_residual(LensModel lens, const LensParameters& parameters, const calib::Rigid3d& cam_from_world,
                      const BoardState& board, const BoardCorner& corner, Vector2d& residual, CornerDerivatives* d) {
   const Vector3d own_point = corner.point + corner.by_warp * board.warp;
-  MovedPoint way;
-  if (board.motion != nullptr) way = moved(*board.motion, board.after_s, own_point);
-  const Vector3d point = board.motion != nullptr ? way.point : own_point;
+  MovedPoint moved_point;
+  if (board.motion != nullptr) moved_point = moved(*board.motion, board.after_s, own_point);
+  const Vector3d point = board.motion != nullptr ? moved_point.point : own_point;
   const Vector3d p_cam = cam_from_world * (board.world_from_board * point);
   PixelByPoint by_point;
   Vector2d px;
@@ -97,9 +97,9 @@ bool corner_residual(LensModel lens, const LensParameters& parameters, const cal
     d->by_board.leftCols<3>() = -by_board_point * cross_matrix(point);
     d->by_board.rightCols<3>() = by_board_point;
     if (board.motion != nullptr) {
-      d->by_warp = by_board_point * way.rotation * corner.by_warp;
-      d->by_course = by_board_point * way.by_course;
-      d->by_time = by_board_point * way.by_time;
+      d->by_warp = by_board_point * moved_point.rotation * corner.by_warp;
+      d->by_course = by_board_point * moved_point.by_course;
+      d->by_time = by_board_point * moved_point.by_time;
     } else {
       d->by_warp = by_board_point * corner.by_warp;
     }

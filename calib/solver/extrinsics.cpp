@@ -51,10 +51,11 @@ struct PosedView {
 
 std::vector<std::size_t> far_corners(const board::Board& board, const BoardView& view) {
   std::set<std::size_t> chosen;
-  for (const Vector2d& way : {Vector2d{1, 1}, {1, -1}, {-1, 1}, {-1, -1}, {1, 0}, {-1, 0}, {0, 1}, {0, -1}}) {
+  for (const Vector2d& direction : {Vector2d{1, 1}, {1, -1}, {-1, 1}, {-1, -1}, {1, 0}, {-1, 0}, {0, 1}, {0, -1}}) {
     std::size_t best = 0;
     for (std::size_t k = 1; k < view.ids.size(); ++k) {
-      if (way.dot(board.point(view.ids[k]).head<2>()) > way.dot(board.point(view.ids[best]).head<2>())) best = k;
+      if (direction.dot(board.point(view.ids[k]).head<2>()) > direction.dot(board.point(view.ids[best]).head<2>()))
+        best = k;
     }
     chosen.insert(best);
   }
@@ -143,9 +144,9 @@ class Start {
       a.world_from_board[index(set)] = best;
       for (const auto& [camera, posed] : views) {
         BoardView view = *posed.view;
-        const std::size_t way = best_motion(posed, cameras[index(camera)].cam_from_world * best).first;
-        if (way > 0) {
-          for (int& id : view.ids) id = symmetries[way][index(id)];
+        const std::size_t numbering = best_motion(posed, cameras[index(camera)].cam_from_world * best).first;
+        if (numbering > 0) {
+          for (int& id : view.ids) id = symmetries[numbering][index(id)];
           board::sort_corners(view.ids, view.px);
         }
         a.views.push_back(std::move(view));

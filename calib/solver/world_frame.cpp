@@ -128,9 +128,9 @@ std::optional<KeptWorld> world_of(const calib::CameraRig& before, const Adjustme
     size = std::max(size, (both[c].new_world.translation - both[best.front()].new_world.translation).norm());
   std::vector<Eigen::Vector3d> from, to;
   for (std::size_t c = 0; c < both.size(); ++c) {
-    const bool stands = std::ranges::find(best, c) != best.end();
-    (stands ? kept.by : kept.moved).push_back(both[c].name);
-    if (!stands) continue;
+    const bool is_unchanged = std::ranges::find(best, c) != best.end();
+    (is_unchanged ? kept.by : kept.moved).push_back(both[c].name);
+    if (!is_unchanged) continue;
     // Its centre, and points along its axes, so that the rotation counts as much.
     for (const Eigen::Vector3d& p : {Eigen::Vector3d(0, 0, 0), Eigen::Vector3d(size, 0, 0), Eigen::Vector3d(0, size, 0),
                                      Eigen::Vector3d(0, 0, size)}) {
