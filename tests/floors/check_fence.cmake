@@ -45,7 +45,7 @@ elseif(FENCE STREQUAL "spdlog")
   set(inside "^(service/(pipeline|reports|daemon)/[a-z0-9_]*\\.cpp|tests/(pipeline|reports)/)")
 elseif(FENCE STREQUAL "ceres")
   set(pattern "${include}ceres/")
-  set(inside "^calib/(solver|wave)/([a-z0-9_]*adjustment[a-z0-9_]*\\.cpp|corner_cost\\.(h|cpp))$")
+  set(inside "^calib/(solver|wave)/([a-z0-9_]*adjustment[a-z0-9_]*\\.cpp|(corner|outline)_cost\\.(h|cpp))$")
 elseif(FENCE STREQUAL "regex")   # and it recurses once per character: it runs out of stack on a long line
   set(pattern "${include}regex>")
 else()
