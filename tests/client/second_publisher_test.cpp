@@ -43,9 +43,9 @@ TEST(SecondPublisher, MarksASecondPublisherInTextAndIgnoresItElsewhere) {
   const auto lines = [](const ChildProcess& client) { return std::ranges::count(client.out(), '\n'); };
   ASSERT_TRUE(ChildProcess::wait([&] { return lines(text) > 5 && lines(csv) > 5; }, 10s)) << text.err();
 
-  idl::DdsParticipant publisher_unless_accepted({.name = "stranger", .domain = publish::test_domain()});
-  auto& writer = stranger.create_writer<msg::ObjectPositionPubSubType>(idl::object_position_topic,
-                                                                       idl::object_position_writer_qos(), "");
+  idl::DdsParticipant second({.name = "second", .domain = publish::test_domain()});
+  auto& writer = second.create_writer<msg::ObjectPositionPubSubType>(idl::object_position_topic,
+                                                                     idl::object_position_writer_qos(), "");
   msg::ObjectPosition lie;
   lie.target("ball");
   lie.state(msg::TRACK_STATE_TRACKING);
