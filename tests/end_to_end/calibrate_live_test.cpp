@@ -102,7 +102,8 @@ TEST_F(CalibrateLive, FromWhatWasWavedJustNow) {
       << state << service->err();
   // The distances between the cameras are known from the rig alone, which was knocked: that is said.
   EXPECT_THAT(state, AllOf(HasSubstr("state\tdoubtful\n"), HasSubstr("the scale is from the rig's own poses")));
-  EXPECT_THAT(state, AllOf(HasSubstr("kind\twave\n"), HasSubstr("report\ttrue\n"), HasSubstr("px rms off")));
+  EXPECT_THAT(state,
+              AllOf(HasSubstr("kind\twave\n"), HasSubstr("report\ttrue\n"), HasSubstr("the rms error of the ball is")));
   ASSERT_EQ(control({"calibrate", "report", "--out", (folder / "report.html").string()}).status, 0);
   EXPECT_THAT(contents(folder / "report.html"), AllOf(StartsWith("<!doctype html>"), HasSubstr("waved object")));
 

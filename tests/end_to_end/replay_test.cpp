@@ -140,7 +140,7 @@ TEST_F(EndToEnd, TheSummaryHoldsTheTrackToTheTruth) {
   EXPECT_EQ(result.status, 0);
   EXPECT_THAT(result.out, HasSubstr("150 frame sets of 300 frames"));
   EXPECT_THAT(result.out, HasSubstr("0 missing, 0 corrupted, 0 late"));
-  EXPECT_THAT(result.out, HasSubstr("with decoding left out: "));
+  EXPECT_THAT(result.out, HasSubstr("without decoding: "));
   EXPECT_THAT(result.out, HasSubstr("locked in set "));
   EXPECT_THAT(result.out, HasSubstr("over 10 cm off while tracking: 0 of 150"));
   EXPECT_THAT(result.err, IsEmpty());  // no progress bar where there is no terminal
@@ -386,7 +386,7 @@ TEST_F(EndToEnd, ATargetWithoutAColorIsSaidToHaveNone) {
   const Result checked = run({HUETRACKD, "check", untaught});
   EXPECT_EQ(checked.status, 0);
   EXPECT_THAT(checked.out, Not(HasSubstr("hue_deg")));
-  EXPECT_THAT(checked.out, HasSubstr("# color: none yet"));
+  EXPECT_THAT(checked.out, HasSubstr("# color: not taught yet"));
   EXPECT_THAT(checked.out, HasSubstr("# lime: it has no colour yet: click on it"));
   EXPECT_THAT(checked.out, HasSubstr("# lime: no radius is set: 0.04 m is the default"));
   EXPECT_EQ(config::to_yaml(config::load_service_config(write(checked.out, "resolved.yaml"))),

@@ -258,7 +258,7 @@ TEST_F(RemoteCamera, LightIsWatchedByTheHost) {
     std::this_thread::sleep_for(100ms);
     warning = cameras[0].health().warning;
   }
-  EXPECT_EQ(warning, "left-pi says: it wanders");
+  EXPECT_EQ(warning, "left-pi reports: it wanders");
   stop.request_stop();
 }
 

@@ -38,7 +38,7 @@ TEST_F(RefuseOutputs, RefusesOneFileTwiceByAnyName) {
   refuses({.files = {folder_ / "a.csv", folder_ / "pictures" / ".." / "a.csv"}}, {}, "written twice");
   fs::create_symlink("a.csv", folder_ / "later.csv");  // a link to what is not there yet
   refuses({.files = {folder_ / "a.csv", folder_ / "later.csv"}}, {}, "written twice");
-  refuses({.files = {folder_ / "pictures" / "track_3d.png"}, .pictures = folder_ / "pictures"}, {}, "of a picture");
+  refuses({.files = {folder_ / "pictures" / "track_3d.png"}, .pictures = folder_ / "pictures"}, {}, "by a picture");
 }
 
 TEST_F(RefuseOutputs, RefusesInputs) {
