@@ -49,7 +49,7 @@ install_missing() {
   fi
 }
 
-# build_huetrack FOLDER "CMAKE OPTIONS" TARGETS...: configures and builds with Ninja; says how long it took. In a new
+# build_huetrack FOLDER "CMAKE OPTIONS" TARGETS...: configures and builds with Ninja; prints the time that it took. In a new
 # folder a module's files are compiled together, which halves the time, and GCC may have half a gigabyte before it looks for
 # what it can free, which saves a sixteenth. For development, configure first (cmake --preset release): then only changed
 # files are compiled again.
@@ -65,7 +65,8 @@ build_huetrack() {
     cat "$folder.configure.log" >&2
     return 1
   }
-  cmake --build "$folder" --target "$@" || return 1
+  local TIMEFORMAT="== CPU time: %0lU in programs, %0lS in the system"
+  time cmake --build "$folder" --target "$@" || return 1
   echo "== built in $(((SECONDS - start) / 60)) min $(((SECONDS - start) % 60)) s"
 }
 

@@ -7,7 +7,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-# module TEST: pairs of a source folder and its folder of tests. Browsers, whole programs, VMs and long runs are left out.
+# Pairs of a source folder and its folder of tests. Browsers, whole programs, VMs and long runs are left out.
 pairs() {
   local folder name
   for folder in calib/* service/* service/object_tracking/* service/camera_tracking/* clients/*; do
@@ -26,7 +26,11 @@ case ${1:-} in
     if [ -n "$last_tag" ]; then
       changed=$(git diff --name-only "$last_tag" HEAD)
       pairs | while read -r folder name; do
-        grep -qE "^($folder/[^/]*|tests/$name/.*)$" <<<"$changed" && echo "$name"
+        # a folder's own files, or those of a folder below it that has no tests of its own
+        grep -E "^($folder|tests/$name)/" <<<"$changed" | while read -r file; do
+          inner=${file#"$folder"/}
+          [ "$inner" = "${inner%%/*}" ] || [ ! -d "tests/${inner%%/*}" ] && { echo "$name"; break; }
+        done
       done || true
     else
       pairs | awk -v turn=$(($(git rev-list --count HEAD) % 3)) 'NR % 3 == turn { print $2 }'
@@ -44,7 +48,7 @@ case ${1:-} in
     for file in "${files[@]}"; do
       [ -f "$file" ] || continue
       [ $SECONDS -lt $end ] || break
-      "$tidy" -p build/tidy --quiet --warnings-as-errors='*' "$file" 2>/dev/null || found=1
+      "$tidy" -p build/tidy --quiet --warnings-as-errors='*' "$file" || found=1
       looked=$((looked + 1))
     done
     echo "== clang-tidy: $looked of ${#files[@]} changed files"

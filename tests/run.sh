@@ -6,9 +6,9 @@
 #                                clang-tidy over the tree; then what has threads with ThreadSanitizer; then for arm64
 #                                (tests/arm64/run.sh); over three hours on two cores. 2: what computes with -O0, too; two
 #                                hours more
-#   HUETRACK_CHANGED=1           tests with AddressSanitizer and UBSan of the modules that changed since the last tag (without a
-#                                tag: of a third of all, another one with each commit), and clang-tidy over changed files for at
-#                                most five minutes (tests/changed.sh); what continuous integration runs; a quarter of an hour
+#   HUETRACK_CHANGED=1           in addition: tests with AddressSanitizer and UBSan of the modules that changed since the last tag
+#                                (without a tag: of a third of all, another one with each commit), and clang-tidy over changed
+#                                files for at most five minutes (tests/changed.sh)
 #   HUETRACK_VM_TESTS=off|short|all   real V4L2 drivers in a VM (tests/v4l2/run.sh; short: 3 minutes, all: 15); skipped
 #                                where there is no VM
 set -uo pipefail
@@ -63,11 +63,14 @@ if [ "${HUETRACK_CHANGED:-0}" != 0 ]; then
   install_missing $packages_long || fail "the packages could not be installed"
   cmake --preset asan -DCMAKE_UNITY_BUILD=ON -DCMAKE_CXX_FLAGS_RELWITHDEBINFO="-O1 -g1" >/dev/null ||
     fail "the build with AddressSanitizer could not be configured"
-  mapfile -t changed < <(bash tests/changed.sh modules)
-  echo "== with AddressSanitizer and UBSan: ${changed[*]}"
-  build_huetrack build/asan "" $(printf 'tests/%s/all ' "${changed[@]}") || fail "the build with AddressSanitizer failed"
-  export LSAN_OPTIONS=suppressions=$PWD/tests/lsan.supp
-  for module in "${changed[@]}"; do run_tests "build/asan/tests/$module" -j4; done
+  changed=$(bash tests/changed.sh modules) || fail "git does not say what changed"
+  if [ -n "$changed" ]; then
+    echo "== with AddressSanitizer and UBSan:" $changed
+    # shellcheck disable=SC2086
+    build_huetrack build/asan "" $(printf 'tests/%s/all ' $changed) || fail "the build with AddressSanitizer failed"
+    export LSAN_OPTIONS=suppressions=$PWD/tests/lsan.supp
+    for module in $changed; do run_tests "build/asan/tests/$module" -j4; done
+  fi
   bash tests/changed.sh tidy 300 || status=1
 fi
 if [ "$long" != 0 ]; then

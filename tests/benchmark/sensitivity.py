@@ -48,7 +48,7 @@ void vary(const char* name, T& value) {
 }
 }  // namespace huetrack::sensitivity
 """
-NOT_VARIED = {"ClutterHistoryTuning"}  # sizes of arrays: another value is another program
+NOT_VARIED = {"ClutterHistoryTuning", "PairHistoryTuning", "ColorWatchTuning"}  # sizes of arrays are among them
 INSTANCE = re.compile(r"^(\s*)(inline\s+)?constexpr\s+((?:\w+::)*)(\w+Tuning)\s+(\w+)\s*(?:\{\}|=\s*\{\})?;", re.M)
 
 
@@ -67,6 +67,30 @@ def fields_of(root):
     return fields, files
 
 
+DECLARATION = re.compile(r"\bconstexpr (?=[\w:<>, ]*?\b(\w+)(?:\[\w*\])?(?: = |\{)[^;]*;)")
+FUNCTION = re.compile(r"^constexpr (?=\w[\w:]* \w+\([^;{]*\) \{)", re.M)
+
+
+def without_constexpr(text, variables):
+    """Declarations that are constexpr by a Tuning struct, or by such a declaration, become const; functions become inline."""
+    names = {re.escape(v) + r"\." for v in variables}
+    while True:
+        used = re.compile(r"\b(?:" + "|".join(sorted(names)) + ")")
+        for m in DECLARATION.finditer(text):
+            statement = text[m.start():text.index(";", m.start())]
+            if used.search(statement) and "Tuning " not in statement:
+                inside_class = "#pragma once" in text and text[:m.start()].endswith("  static ")
+                text = text[:m.start()] + ("inline const " if inside_class else "const ") + text[m.end():]
+                names.add(m[1] + r"\b")
+                break
+        else:
+            break
+    for m in reversed(list(FUNCTION.finditer(text))):
+        if used.search(text[m.start():text.index("\n}", m.start())]):
+            text = text[:m.start()] + "inline " + text[m.end():]
+    return text
+
+
 def opened(text, fields, variables):
     """The source with its Tuning structs read from the environment. What is constexpr because of them is so no longer; a template
     argument keeps its value."""
@@ -83,10 +107,7 @@ def opened(text, fields, variables):
     text, count = INSTANCE.subn(instance, text)
     text = re.sub(r"integral_constant<\w+, (\w+)\.(\w+)>", template_argument, text)
     if variables:
-        used = r"\b(?:" + "|".join(variables) + r")\."
-        text = re.sub(rf"^(\s*)((?:inline |static )*)constexpr (?=[^;{{]*{used})", r"\1\2const ", text, flags=re.M)
-        text = re.sub(rf"^constexpr (\w[\w:]* \w+\([^;{{]*\) \{{\n(?:[^}}]*\n)?[^}}]*{used})", r"inline \1", text, flags=re.M)
-    text = re.sub(r"^(  static )const (?=\w+ \w+ = )", r"\1inline const ", text, flags=re.M) if "#pragma once" in text else text
+        text = without_constexpr(text, variables)
     if count:
         first = text.index("#pragma once\n") + len("#pragma once\n") if "#pragma once\n" in text else 0
         text = text[:first] + '#include "calib/model/sensitivity.h"\n' + text[first:]
@@ -178,12 +199,17 @@ def main():
         cases = oracle.SWEEP[str(pathlib.Path(files[name.split(".")[0]]).parent)] if name else sorted(set().union(*oracle.SWEEP.values()))
         return job, measure(programs, cases)
 
-    jobs = [job for job in [("", 1.0), *asked] if job not in done]
+    if ("", 1.0) not in done:  # first, alone: it makes the scenes that are not there yet
+        asked.insert(0, ("", 1.0))
+    jobs = [job for job in asked if job not in done]
     with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool, done_file.open("a") as out:
         for n, (job, figures) in enumerate(pool.map(run, jobs)):
             done[job] = figures
-            out.write(json.dumps({"constant": job[0], "factor": job[1], "figures": figures}) + "\n")
-            out.flush()
+            if not job[0] and not all(figures.values()):
+                raise SystemExit(f"the unchanged program does not run: {[name for name, f in figures.items() if not f]}")
+            if all(figures.values()):  # what failed is run again
+                out.write(json.dumps({"constant": job[0], "factor": job[1], "figures": figures}) + "\n")
+                out.flush()
             print(f"{n + 1} of {len(jobs)}: {job[0]} x {job[1]}: {moved(done.get(('', 1.0), figures), figures, kinds)}", flush=True)
     base = done["", 1.0]
     lines = ["# What each decision constant does", "",

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """Replays some 20 short recordings and holds every figure to its band: see README.md beside this file.
 
-    oracle.py [BUILD] [--only REGEX] [--tighten] [--jobs N] [--repeat SCENES]
+    oracle.py [BUILD] [--only REGEX] [--tighten] [--jobs N]
 """
 import argparse
 import concurrent.futures
@@ -84,7 +84,11 @@ def made(kind, seed, *options):
             done = subprocess.run(["/usr/bin/python3", tools / "scenes.py", *words, "--jobs", "1", "--out", out], capture_output=True, text=True)
             if done.returncode:
                 raise Failed(f"scenes.py {' '.join(words)}: {done.stderr.strip()[-600:]}")
-            out.rename(folder)  # whole or not there
+            try:
+                out.rename(folder)  # whole or not there
+            except OSError:
+                if not folder.exists():  # otherwise another case has made it in the meantime: the same bytes
+                    raise
     return folder
 
 
@@ -362,7 +366,7 @@ def judge(results, kinds, bands):
                 out.append(f"{name}: {figure} is missing (best {bands[name][figure]})")
         for figure, value in (measured or {}).items():
             if figure not in bands.get(name, {}):
-                better.append(f"{name}: {figure} {shown(value)} has no band yet")
+                out.append(f"{name}: {figure} {shown(value)} has no band yet: run.sh --tighten writes it")
                 continue
             best, kind = bands[name][figure], kinds[figure]
             if not is_within(kind, value, best):
@@ -405,7 +409,10 @@ def main():
         results = list(pool.map(lambda name: measure(programs, name), names))
     table(results, kinds, bands)
     if not options.only and programs.measured.exists():  # alone, at the end: it measures time, and decides nothing
-        print(programs.run(programs.measured, "update").strip())
+        try:
+            print(programs.run(programs.measured, "update").strip())
+        except Failed as reason:
+            print(reason)
     out, better = judge(results, kinds, bands)
     for sentence in better:
         print("+ " + sentence)
