@@ -74,7 +74,7 @@ async function test() {
     "--phases", "together", "--make-boards", "14", "--domain", domain);
 
   // ---- Exposure: the pictures come, and are neither too dark nor too bright. Then nothing is calibrated.
-  await until("calibration is missed", async () => /Calibration.*how cam0, cam1 see/s.test(await current()), 40000).catch((error) => {
+  await until("calibration is missed", async () => /Calibration.*lenses and poses of cam0, cam1 are unknown/s.test(await current()), 40000).catch((error) => {
     throw new Error(service.err, { cause: error });
   });
   assert.match(await page.textContent("#steps-list"), /cam0, cam1 deliver.*Neither too dark nor too bright/);
