@@ -28,7 +28,7 @@ enum class RawStorage : std::uint8_t {
 struct RecordingOptions {
   std::filesystem::path folder;        // created; must not exist yet, or be empty
   std::vector<std::string> cameras;    // names; Frame::camera indexes it
-  std::vector<bool> are_matches = {};  // per camera: its frames carry matches (Frame::matches); empty: no camera's do
+  std::vector<bool> are_matches = {};  // per camera: its frames carry matches (Frame::matches); empty: none do
   std::string rig_yaml;                // text of the rig file, becomes rig.yaml; empty: none
   std::string config_yaml;             // the resolved configuration, becomes huetrackd.yaml; empty: none
   std::vector<std::pair<std::string, std::string>> files = {};  // name and content of files that huetrackd.yaml names
@@ -39,7 +39,7 @@ struct RecordingOptions {
 
 struct RecordedCameraFigures {
   std::uint64_t frames = 0;  // written, corrupted ones included
-  // Skipped: not later than the previous frame; another format or size than the first; BGR.
+  // Skipped: stamp not later than the previous; format or size not that of the first; BGR.
   std::uint64_t left_out = 0;
   std::uint64_t bytes = 0;  // of video, so far
 };
@@ -55,7 +55,7 @@ class RecordingWriter {
   explicit RecordingWriter(RecordingOptions options);
   ~RecordingWriter();  // finish()
 
-  // Appends to the camera's file; for MJPEG the camera's own bytes (Frame::encoded). False from the first failure on,
+  // Appends to the camera's file; for MJPEG the camera's own bytes (Frame::encoded). After the first failure: false,
   // for every camera: see failure(). What was written before replays. Does not throw.
   bool write(const capture::Frame& frame);
   // One line, "/data/run7/left.mkv: No space left on device: recording stopped after 123.4 s, ..."; nullopt: none.
@@ -77,7 +77,7 @@ struct PreRollOptions {
   std::vector<std::string> problems() const;
 };
 
-// The last seconds of frames. Keeps only the bytes of JPEG frames, and copies of raw ones, so that drivers get their
+// The last seconds of frames. Keeps JPEG frames compressed and copies raw ones, so that drivers get their
 // buffers back. thread-compatible.
 class PreRoll {
  public:
@@ -88,7 +88,7 @@ class PreRoll {
   std::vector<capture::Frame> take();
   std::size_t bytes() const { return bytes_; }
   std::size_t size() const { return frames_.size(); }
-  // The length it reaches, when most_bytes limits it; nullopt: not limited.
+  // The actual length if most_bytes limits it; nullopt: not limited.
   std::optional<capture::Duration> cut_to() const { return cut_to_; }
 
  private:

@@ -1,4 +1,4 @@
-// Maximum-likelihood rotation, or focal length, of one camera against the others, which are held. Pure.
+// Maximum-likelihood rotation, or focal length, of one camera; the others are fixed. Pure functions.
 #pragma once
 
 #include <Eigen/Core>
@@ -12,7 +12,7 @@ namespace huetrack::view_watch {
 
 struct BestTurn {
   Eigen::Vector3d turn_rad;  // cam_from_world = exp(turn) * the rig's
-  // Decrease of the cost: chi-square, 3 degrees of freedom, in the noise that is left with the turn; one sample per
+  // Decrease of the cost: chi-square, 3 dof, relative to the residual noise after the turn; one sample per
   // place.
   double gain;
 };
@@ -21,7 +21,7 @@ std::optional<BestTurn> best_turn(const PairComparison& comparison, const std::v
                                   std::size_t camera, const TimeSigmas& times);
 
 struct BestZoom {
-  double zoom;  // the focal length in the rig's; 0.6..1.6
+  double zoom;  // ratio to the rig's focal length, 0.6..1.6
   double gain;  // chi-square, 1 degree of freedom
 };
 BestZoom best_zoom(const PairComparison& comparison, const std::vector<Track>& tracks, std::size_t camera,

@@ -1,5 +1,5 @@
 // Diagnoses mistakes in rig and configuration from one target's views: videos that are swapped, a camera that is late
-// or was turned, another room's rig, a radius or colour that is not the object's. Facts with their sizes; no sentences.
+// or was turned, another room's rig, a radius or colour that is not the object's. Returns facts and magnitudes only.
 //
 // The last seconds of all cameras' samples are kept. While all pairs of cameras are epipolar-consistent, nothing else
 // is done. Otherwise fault hypotheses are tested one after the other (frames exchanged, one camera late, turned,
@@ -19,11 +19,11 @@
 namespace huetrack::view_watch {
 
 enum class MistakeKind : std::uint8_t {
-  swapped,        // cameras: [c] really is cameras[(k + 1) % n]; size: none
+  swapped,        // frames are permuted among these cameras; size: none
   late,           // one camera; size: seconds, < 0: the others are late
-  uneven_times,   // cameras whose stamps have an error that varies; size: the largest, seconds
+  uneven_times,   // cameras whose time-stamp error varies; size: the largest error, seconds
   turned,         // one camera, or two if it cannot be decided which; size: radians
-  zoomed,         // one camera; size: its focal length, in the rig's
+  zoomed,         // one camera; size: ratio of its focal length to the rig's
   mirrored,       // one camera; size: none
   other_rig,      // no two cameras are consistent
   contradiction,  // views are inconsistent, and nothing above explains it
@@ -34,22 +34,22 @@ enum class MistakeKind : std::uint8_t {
 inline constexpr std::size_t mistake_kinds = std::size_t(MistakeKind::shared_color) + 1;
 std::string_view name(MistakeKind kind);  // "swapped", ...
 
-// In the cameras' poses, lenses, timing or assignment, as opposed to the target's configuration.
+// True: poses, lenses, timing or assignment of cameras. False: the target's configuration.
 bool is_of_rig(MistakeKind kind);
 
 struct Mistake {
   MistakeKind kind = MistakeKind::other_rig;
   std::vector<int> cameras = {};  // of the rig
   double size = 0;
-  double off_px = 0;            // usual inconsistency of the worst pair; 0: late, but compensated by the tracker
-  double zoom = 1;              // turned: this focal length, in the rig's, explains it as well; 1: none does
-  bool is_of_outlines = false;  // radius: by the outlines of all views, not only by the sizes of regions
-  bool do_some_agree = false;   // contradiction: two cameras are consistent, so it is hardly theirs
+  double off_px = 0;            // median epipolar residual of the worst pair; 0: late, but compensated
+  double zoom = 1;              // turned: this ratio of focal length to the rig's also explains it; 1: none
+  bool is_of_outlines = false;  // radius: from outline fits in all views, not only from region sizes
+  bool do_some_agree = false;   // contradiction: two cameras are consistent: hardly their fault
   // late, uneven_times: per camera of the rig, the latency beyond the tracker's estimate.
   std::vector<double> extra_latency_s = {};
   double since_s = 0;  // start of what jumped; 0: the whole window
 
-  // The cameras of uneven times vary.
+  // uneven_times: cameras may differ.
   bool is_same_as(const Mistake& other) const {
     return kind == other.kind && (cameras == other.cameras || kind == MistakeKind::uneven_times);
   }
@@ -61,17 +61,17 @@ class ViewWatch {
  public:
   ViewWatch(const calib::CameraRig& rig, const object_tracking::TargetOptions& target);
 
-  // After the tracker's update with a set, in time order. moved: per camera, known by other means to stand elsewhere
-  // than the rig says, so that its samples are not used. Empty: none is.
+  // Call after each tracker update, in time order. moved: per camera, another test found that it stands elsewhere
+  // than in the rig; its samples are then ignored. Empty: none.
   void look(const object_tracking::ObjectEstimate& estimate, const object_trackers::ObjectTracker& tracker,
             capture::Timestamp set_at, const std::vector<bool>& moved = {});
 
   // By the last look(), reported once: per camera of the rig, the latency beyond the tracker's estimate, for
   // ObjectTracker::correct_times(). Empty: no correction.
   const std::vector<double>& late_s() const { return late_s_; }
-  // In force now.
+  // Confirmed.
   const std::vector<Mistake>& mistakes() const { return mistakes_; }
-  // Those, and what was found in the last second but is not certain: reason to inflate a camera's covariance.
+  // mistakes(), and unconfirmed ones of the last second: a reason to inflate a camera's covariance.
   const std::vector<Mistake>& suspected_mistakes() const { return suspected_mistakes_; }
 
  private:
@@ -89,7 +89,7 @@ class ViewWatch {
     int intervals = 0;
     double readout_s = 0, readout_sigma_s = 0;  // estimated by the tracker; its absolute value
     double seen_s = 0;                          // the target, last
-    // Its latency relative to the rig's, when it was known best since the last correction.
+    // surest_*: latency relative to the rig's, at its smallest sigma since the last correction.
     int moved_count = 0;  // consecutive judgements in which it was another one
     double surest_latency_s = 0, surest_sigma_s = unknown_sigma_s;
   };
