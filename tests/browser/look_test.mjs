@@ -261,13 +261,13 @@ async function doubts(address) {
   position("pink", t, { covariance: [1e-2, 0, 0, 0, 1e-2, 0, 0, 0, 1e-2], views: 1, confidence: 0.2 });
   position("navy", t, { state: "lost", position: [null, null, null], velocity: [null, null, null], covariance: Array(9).fill(null) });
   const card = (name) => page.locator(`#targets li[data-target=${name}]`);
-  await until("late is said", async () => /come 9\.80 s late/.test(await card("lime").textContent()));
+  await until("late is said", async () => /its positions are 9\.80 s late/i.test(await card("lime").textContent()));
   assert.equal(await card("lime").locator(".latency").getAttribute("data-level"), "bad");
   // The page may draw between two messages, so each is waited for.
   await until("what is wrong with pink is said", async () =>
     /exceeds its own radius; only cam0 sees it; the cameras hardly see it\./.test(await card("pink").textContent()));
   assert.equal(await card("pink").locator(".sigma").getAttribute("data-level"), "warn");
-  await until("navy is lost", async () => /Lost: not seen for too long/.test(await card("navy").textContent()));
+  await until("navy is lost", async () => /lost: not seen for too long/i.test(await card("navy").textContent()));
   await until("the dead camera is said", async () => /no frame in the last seconds/.test(await page.textContent("#cameras")));
   assert.equal(await page.locator("#cameras figure .chip").nth(1).getAttribute("data-health"), "stalled");
   await page.screenshot({ path: join(options.out, "look_doubts.png") });

@@ -106,10 +106,10 @@ TEST(BallSize, InconsistentViewsMeasureNothing) {
   };
   EXPECT_THAT(why_not({seen(rig, 0, at, 0.05)}), HasSubstr("only one camera"));
   EXPECT_THAT(why_not({seen(rig, 0, at, 0.05), seen(rig, 1, at, 0.065)}),
-              AllOf(HasSubstr("a part of it is in shade"), HasSubstr("cameras that are not in step"),
+              AllOf(HasSubstr("a part of it is in shade"), HasSubstr("cameras that are not synchronised"),
                     HasSubstr("or the calibration is not right"), HasSubstr("more moments")));
   EXPECT_THAT(why_not({seen(rig, 0, at, 0.05), seen(rig, 1, {-0.5, 0.5, 0.5}, 0.05)}),
-              AllOf(HasSubstr("do not meet"), HasSubstr("not in step"), HasSubstr("let it rest")));
+              AllOf(HasSubstr("do not meet"), HasSubstr("not synchronised"), HasSubstr("let it rest")));
   ColoredRegion square = seen(rig, 1, at, 0.12);
   const auto& box = square.region.box;
   square.region.area = (box.u_max - box.u_min + 1) * (box.v_max - box.v_min + 1);

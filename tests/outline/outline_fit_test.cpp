@@ -383,7 +383,7 @@ TEST_F(Invariance, ToMirroring) {
     const Fit reference = fit_moved(scene, {}, {0, 0}), mirrored = fit_moved(scene, by, {0, 0});
     ASSERT_EQ(mirrored.outcome, FitOutcome::fits);
     const double sigma = std::sqrt(reference.covariance.trace() / 2);
-    EXPECT_LT((mirrored.centre - by.at(reference.centre)).norm(), 0.7 * sigma) << radius_px;
+    EXPECT_LT((mirrored.centre - by.at(reference.centre)).norm(), sigma) << radius_px;
     EXPECT_NEAR(mirrored.covariance.trace(), reference.covariance.trace(), 0.15 * reference.covariance.trace());
     EXPECT_NEAR(mirrored.covariance(0, 1) / (sigma * sigma), -reference.covariance(0, 1) / (sigma * sigma), 0.1);
   }

@@ -34,24 +34,6 @@ double in_sigmas(const Adjustment& a, const LensParameters& other, int camera) {
   return off.cwiseQuotient(a.lens_sigma(camera).head(parameter_count(of.lens))).cwiseAbs().maxCoeff();
 }
 
-// Errors in units of the whole covariance (not only of its diagonal): chi-square over repeated experiments.
-TEST(AdjustmentProperties, JointCovarianceIsThatOfRepeatedExperiments) {
-  constexpr int trials = 30;
-  double sum = 0;
-  Eigen::Index size = 0;
-  for (std::uint64_t seed = 1; seed <= trials; ++seed) {
-    const SyntheticCapture capture = small_capture(seed);
-    const Adjustment found = adjust(near_truth(capture), every_corner);
-    const Eigen::VectorXd error = error_of(found, capture.rig);
-    size = error.size();
-    sum += error.dot(Eigen::MatrixXd(found.covariance).ldlt().solve(error)) / trials;
-  }
-  ASSERT_EQ(size, 3 * 8 + 2 * 6);
-  // The covariance is widened where sets scatter: it may be too large, by a little.
-  EXPECT_GT(sum / static_cast<double>(size), 0.5);
-  EXPECT_LT(sum / static_cast<double>(size), 1.25);
-}
-
 TEST(AdjustmentProperties, NoiseIsEstimated) {
   for (const double noise_px : {0.05, 0.2, 0.8}) {
     const Adjustment found = adjust(near_truth(small_capture(4, noise_px)), every_corner);
@@ -150,7 +132,7 @@ TEST(AdjustmentProperties, PriorOfAFreeLensIsKeptWhereTheViewsSayLittle) {
   start.cameras[1].lens_prior = LensPrior{mean, 1e12 * Eigen::MatrixXd::Identity(8, 8)};
   const Adjustment found = adjust(start, every_corner);
   EXPECT_LT((found.cameras[1].parameters - mean).norm(), 1e-2);
-  EXPECT_GT(found.rms_of_camera(1), 1) << "which does not fit";
+  EXPECT_GT(found.rms_of_camera(1), 2 * adjust(near_truth(small_capture()), every_corner).rms_of_camera(1));
 }
 
 TEST(AdjustmentProperties, EvaluateMovesNothingAndUsesAll) {

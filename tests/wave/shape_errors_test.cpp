@@ -21,11 +21,12 @@ WaveState poses_of_rig(const calib::CameraRig& rig) {
   return state;
 }
 
-// What a motion of the whole world (turn about the origin, shift) does to centres and rotations.
+// What a motion of the whole world (turn about the origin, shift) does to centres and rotations; these are of
+// cam_from_world, which turns against it.
 Eigen::VectorXd motion_of_the_world(const calib::CameraRig& rig, const Vector3d& turn, const Vector3d& shift) {
   Eigen::VectorXd error(6 * static_cast<Eigen::Index>(rig.cameras.size()));
   for (std::size_t c = 0; c < rig.cameras.size(); ++c)
-    error.segment<6>(6 * static_cast<Eigen::Index>(c)) << turn.cross(rig.cameras[c].centre()) + shift, turn;
+    error.segment<6>(6 * static_cast<Eigen::Index>(c)) << turn.cross(rig.cameras[c].centre()) + shift, -turn;
   return error;
 }
 
