@@ -17,16 +17,6 @@ SyntheticCapture small_capture(std::uint64_t seed = 1, double noise_px = 0.2) {
   return synthetic_capture({.cameras = 3, .sets = 12, .noise_px = noise_px, .seed = seed});
 }
 
-// As parameter_difference(), of a solution and the truth.
-Eigen::VectorXd error_of(const Adjustment& found, const calib::CameraRig& truth) {
-  Adjustment as_true = found;
-  for (std::size_t c = 0; c < truth.cameras.size(); ++c) {
-    as_true.cameras[c].parameters = parameters_of(truth.cameras[c].model);
-    as_true.cameras[c].cam_from_world = truth.cameras[c].cam_from_world;
-  }
-  return parameter_difference(found, as_true);
-}
-
 // Largest difference of a camera's lens from other parameters, in its standard deviations.
 double in_sigmas(const Adjustment& a, const LensParameters& other, int camera) {
   const AdjustedCamera& of = a.cameras[static_cast<std::size_t>(camera)];
