@@ -221,7 +221,7 @@ async function test() {
   await page.click("#calibrate-last");
   await until("it is solved", async () => /^(Usable|Doubtful|It failed)/.test(await says()), 150000);
   say(await says());
-  assert.match(await says(), /^(Usable|Doubtful): the ball is 0\.\d+ px rms off/);
+  assert.match(await says(), /^(Usable|Doubtful): the rms error of the ball is 0\.\d+ px/);
   await picture("10_wave");
   assert.equal((await page.request.get(new URL("/api/calibration.html", address).href)).status(), 200);
   // And with a distance that was measured, from the same recording.

@@ -426,7 +426,7 @@ async function steps(address) {
   await until("too bright", async () => /cam0 is too bright: 2\d % of its picture is white/.test(await current()));
   await keep("3_exposure");
   preview("cam0", size, await even(page, [60, 200]), []);
-  await until("not calibrated", async () => /Calibration.*how cam0, cam1 see.*huetrack-calibrate extrinsics/s.test(await current()));
+  await until("not calibrated", async () => /Calibration.*lenses and poses of cam0, cam1 are unknown.*huetrack-calibrate extrinsics/s.test(await current()));
   await keep("4_calibration");
   room(sizes);
   const known = JSON.parse(standing.get("scene").match(/data: (.*)\n/)[1]);

@@ -89,7 +89,7 @@ TEST_F(RecordLive, ARecordingIsMadeByCommandFetchedAndReplayed) {
 TEST_F(RecordLive, WhatMayNotBeIsRefused) {
   ASSERT_TRUE(comes_true([&] { return control({"record", "state"}).status == 0; })) << service->err();
   EXPECT_THAT(control({"record", "dance"}).err, HasSubstr("does not know that request"));
-  EXPECT_THAT(control({"record", "download", "../c.yaml"}).err, HasSubstr("not a valid name of a recording"));
+  EXPECT_THAT(control({"record", "download", "../c.yaml"}).err, HasSubstr("that is no recording's name"));
   EXPECT_THAT(control({"record", "read", "../films", "0"}).err, HasSubstr("not a valid name of a recording"));
   EXPECT_THAT(control({"record", "download", "none"}).err, HasSubstr("no recording none"));
   EXPECT_FALSE(fs::exists("none.tar"));
