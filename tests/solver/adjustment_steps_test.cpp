@@ -4,6 +4,7 @@
 
 #include <Eigen/Eigenvalues>
 
+#include "solver/near_truth.h"
 #include "solver/synthetic_rig.h"
 
 namespace huetrack::solver {
@@ -18,15 +19,7 @@ Adjustment at_truth(const SyntheticCapture& capture) {
   a.views = capture.views;
   a.world_from_board = capture.world_from_board;
   a.noise_px = 0.1;
-  for (const calib::Camera& camera : capture.rig.cameras) {
-    AdjustedCamera c;
-    c.name = camera.name;
-    c.image_size = camera.image_size;
-    c.lens = LensModel::radtan4;
-    c.parameters = parameters_of(camera.model);
-    c.cam_from_world = camera.cam_from_world;
-    a.cameras.push_back(c);
-  }
+  for (const calib::Camera& camera : capture.rig.cameras) a.cameras.push_back(adjusted_camera(camera));
   a.fits = evaluate(a);
   return a;
 }

@@ -5,6 +5,17 @@
 
 namespace huetrack::solver {
 
+// A camera of an adjustment as it is in a rig; lens: OpenCV's first four coefficients.
+inline AdjustedCamera adjusted_camera(const calib::Camera& camera) {
+  AdjustedCamera c;
+  c.name = camera.name;
+  c.image_size = camera.image_size;
+  c.lens = LensModel::radtan4;
+  c.parameters = parameters_of(camera.model);
+  c.cam_from_world = camera.cam_from_world;
+  return c;
+}
+
 // At the truth, moved off by a few centimetres and degrees.
 inline Adjustment near_truth(const calib::CameraRig& rig, const board::Board& board,
                              const std::vector<calib::Rigid3d>& boards, const std::vector<BoardView>& views) {
@@ -18,12 +29,7 @@ inline Adjustment near_truth(const calib::CameraRig& rig, const board::Board& bo
     return calib::exp(t);
   };
   for (const calib::Camera& camera : rig.cameras) {
-    AdjustedCamera c;
-    c.name = camera.name;
-    c.image_size = camera.image_size;
-    c.lens = LensModel::radtan4;
-    c.parameters = parameters_of(camera.model);
-    c.cam_from_world = camera.cam_from_world;
+    AdjustedCamera c = adjusted_camera(camera);
     c.pose_is_free = !a.cameras.empty();  // the first one is where it is
     if (c.pose_is_free) c.cam_from_world = off(0.02) * c.cam_from_world;
     c.parameters(0) *= 1.02;

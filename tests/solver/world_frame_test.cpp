@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "solver/near_truth.h"
 #include "solver/synthetic_rig.h"
 
 namespace huetrack::solver {
@@ -27,15 +28,7 @@ Fault fault_of(Call&& call) {
 
 Adjustment adjustment_of(const calib::CameraRig& rig) {
   Adjustment a;
-  for (const calib::Camera& camera : rig.cameras) {
-    AdjustedCamera c;
-    c.name = camera.name;
-    c.image_size = camera.image_size;
-    c.lens = LensModel::radtan4;
-    c.parameters = parameters_of(camera.model);
-    c.cam_from_world = camera.cam_from_world;
-    a.cameras.push_back(c);
-  }
+  for (const calib::Camera& camera : rig.cameras) a.cameras.push_back(adjusted_camera(camera));
   return a;
 }
 

@@ -67,9 +67,9 @@ std::span<const color::ColorRegion> ObjectSighter::regions_near(const TargetView
   const int min_area = std::max(2, static_cast<int>(sighting_tuning.min_disc_share * disc));
   for (const double radii : {sighter.near_radii, sighter.far_radii}) {
     const double reach_u =
-        std::min(limit, object_gates.prediction_sigmas * std::sqrt(spread(0, 0)) + radii * at.radius_px + 2);
+        std::min(limit, sighting_tuning.prediction_sigmas * std::sqrt(spread(0, 0)) + radii * at.radius_px + 2);
     const double reach_v =
-        std::min(limit, object_gates.prediction_sigmas * std::sqrt(spread(1, 1)) + radii * at.radius_px + 2);
+        std::min(limit, sighting_tuning.prediction_sigmas * std::sqrt(spread(1, 1)) + radii * at.radius_px + 2);
     const color::PixelBox box{
         static_cast<int>(std::floor(at.px.x() - reach_u)), static_cast<int>(std::floor(at.px.y() - reach_v)),
         static_cast<int>(std::ceil(at.px.x() + reach_u)), static_cast<int>(std::ceil(at.px.y() + reach_v))};
@@ -168,8 +168,9 @@ bool ObjectSighter::sight_after_bounce(const std::vector<TargetView>& views, con
     regions_[i].assign(near.begin(), near.end());
   }
   const Eigen::Vector3d expected = motion.position() + dt * motion.velocity();
-  const double reach_m = object_gates.prediction_sigmas * (std::sqrt(reach_density * dt * dt * dt / 3) +
-                                                           std::sqrt(largest_variance(motion.position_covariance())));
+  const double reach_m =
+      sighting_tuning.prediction_sigmas *
+      (std::sqrt(reach_density * dt * dt * dt / 3) + std::sqrt(largest_variance(motion.position_covariance())));
   for (const PositionCandidate& c : cross_rays(views, std::span(regions_).first(views.size()), target, options_, motion,
                                                sighting_tuning.max_crossings)) {
     if ((c.position - expected).norm() > reach_m || c.sightings.size() <= least) continue;

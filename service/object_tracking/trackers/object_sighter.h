@@ -18,7 +18,6 @@
 namespace huetrack::object_trackers {
 
 struct ObjectGateTuning {
-  double prediction_sigmas = 3;    // reach of a prediction: 99.7 % on one axis
   double same_object_radii = 1.5;  // a detection nearer than this to a track is the track's object (experiment)
 };
 inline constexpr ObjectGateTuning object_gates{};

@@ -231,7 +231,7 @@ bool RegionTracker::is_out_of_reach(const ObjectSearch::Find& find, capture::Tim
   const MotionState& motion = filter_.motion();
   const double sigma_m = std::hypot(largest_sigma(motion.position_covariance()), largest_sigma(find.now.covariance));
   const double reach_m =
-      object_gates.prediction_sigmas * sigma_m + filter_.kick_m_s() * capture::seconds(set_at - last_tracking_);
+      sighting_tuning.prediction_sigmas * sigma_m + filter_.kick_m_s() * capture::seconds(set_at - last_tracking_);
   const bool is_near = (find.now.position - motion.position()).norm() <= reach_m;
   finds_out_of_reach_ = state_ != TrackState::coasting || is_near ? 0 : finds_out_of_reach_ + 1;
   return finds_out_of_reach_ > 0 && finds_out_of_reach_ < region_tracker.confirming_detections;
