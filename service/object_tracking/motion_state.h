@@ -48,7 +48,7 @@ double largest_sigma(const Eigen::Matrix3d& covariance);
 class MotionState {
  public:
   // Its latency is fixed: a common shift of all latencies moves the object along its path and changes no image.
-  static constexpr int reference_camera = 0;
+  static constexpr int reference_camera = 0;  // layout
   static constexpr int max_cameras = 64;  // capacity: a measurement's row of the covariance fits on the stack
 
   // times_are_learnt: false takes the rig's timing; its stated uncertainty is then measurement noise.
@@ -128,7 +128,7 @@ class MotionState {
     double dt;
     Eigen::Vector3d v;
   };
-  static constexpr int most_states = 6 + 4 * max_cameras;
+  static constexpr int most_states = 6 + 4 * max_cameras;  // layout
   template <int rows>
   using WithState = Eigen::Matrix<double, rows, Eigen::Dynamic, Eigen::ColMajor, rows, most_states>;
   WithState<2> two_rows(Eigen::Index i) const;                         // of the covariance, i >= 6 and i + 1

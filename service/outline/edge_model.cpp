@@ -61,7 +61,7 @@ using Block = EdgeSamples::Block;
 }  // namespace
 
 InverseRoot::InverseRoot(double least, double most) {
-  // Interpolation at the Chebyshev nodes of [-1, 1], to which x is mapped.
+  // maths: interpolation at the Chebyshev nodes of [-1, 1], to which x is mapped.
   constexpr double outer = 0.9238795325112867, inner = 0.3826834323650898;
   const double middle = 0.5 * (most + least), half = std::max(0.5 * (most - least), 1e-6 * middle);
   const auto at = [&](double node) { return 1 / std::sqrt(std::max(middle + half * node, 1e-12)); };

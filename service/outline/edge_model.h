@@ -29,7 +29,7 @@ inline constexpr int lights = lit_ - shading_;  // shading and paleness
 // Fitted while shading, blur and exposure are held: place, size, brightness of the ball, gain of the background.
 inline constexpr std::array<int, 6> held_unknowns{cu_, cv_, size_, shading_, lit_, lit_ + 1};
 inline constexpr int held_count = static_cast<int>(held_unknowns.size());
-inline constexpr int placed = 3;  // unknowns that come first in both: place and size
+inline constexpr int placed = 3;  // layout: unknowns that come first in both: place and size
 using HeldUnknowns = Eigen::Matrix<double, held_count, 1>;
 using HeldNormal = Eigen::Matrix<double, held_count, held_count>;
 
@@ -107,8 +107,8 @@ class EdgeSums {
   double outlier_candidates = 0;      // samples that may be another thing, an occluder or a glint
 
   using Lanes = float __attribute__((vector_size(32), may_alias));
-  static constexpr int columns = unknowns + 1, threes = columns / 3, pairs = threes * (threes + 1) / 2;
-  static constexpr int held_threes = held_count / 3, held_pairs = held_threes * (held_threes + 1) / 2;
+  static constexpr int columns = unknowns + 1, threes = columns / 3, pairs = threes * (threes + 1) / 2;  // layout
+  static constexpr int held_threes = held_count / 3, held_pairs = held_threes * (held_threes + 1) / 2;  // layout
   static_assert(columns % 3 == 0 && held_count % 3 == 0);
 
  private:

@@ -62,7 +62,7 @@ HUETRACK_CLONES void find_beyond(const Rim& rim, int n, const int* __restrict at
   for (int k = 0; k < n; ++k) {
     const float du = static_cast<float>(at_u[k] - u0) - u_centre, dv = static_cast<float>(at_v[k] - v0) - v_centre;
     const auto times_to = [](float d, float centre, float end) __attribute__((always_inline)) {
-      constexpr float near = 1e-6f;
+      constexpr float near = 1e-6f;  // maths: keeps a division finite
       const float length = d < 0 ? -d : d, way = d < 0 ? centre : end - centre;
       return way / (length < near ? near : length);
     };
@@ -302,7 +302,7 @@ class Guess {
   }
 
  private:
-  static constexpr int most = 4 * block;
+  static constexpr int most = 4 * block;  // capacity
   struct Unknown {
     int n = 0, of[most], u[most], v[most];
   };
@@ -325,7 +325,7 @@ class Guess {
 // Background light of samples of chroma: the mean over their pixels.
 void light_of_parts(const Background& behind, const Guess& guess, const PixelGrid& grid, const Places& samples,
                     float* light) {
-  constexpr int most = 4 * block;
+  constexpr int most = 4 * block;  // capacity
   int us[most], vs[most], n = 0;
   for (int k = 0; k < samples.n; ++k)
     for (int j = 0; j < grid.rows; ++j)

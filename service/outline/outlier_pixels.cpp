@@ -35,7 +35,7 @@ HUETRACK_CLONES Inner count_inner(const Block& of, int n) {
 }
 
 // Classifies each sample by itself; returns the sum of the classes, because most blocks have no outlier.
-constexpr std::int32_t other_thing = 1, occluder = 2;
+constexpr std::int32_t other_thing = 1, occluder = 2;  // layout: bits
 HUETRACK_CLONES int classify(const Block& of, int n, std::int32_t* __restrict outliers) {
   int all = 0;
   for (int k = 0; k < n; ++k) {

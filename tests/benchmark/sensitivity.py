@@ -67,13 +67,14 @@ def fields_of(root):
     return fields, files
 
 
-DECLARATION = re.compile(r"\bconstexpr (?=[\w:<>, ]*?\b(\w+)(?:\[\w*\])?(?: = |\{)[^;]*;)")
+DECLARATION = re.compile(r"\bconstexpr (?=[\w:<>, ]*?\b(\w+)(?:\[\w*\])?(?: = |\{|\(\w+\.)[^;]*;)")
+FURTHER_NAME = re.compile(r",\s*(\w+) = ")
 FUNCTION = re.compile(r"^constexpr (?=\w[\w:]* \w+\([^;{]*\) \{)", re.M)
 
 
-def without_constexpr(text, variables):
-    """Declarations that are constexpr by a Tuning struct, or by such a declaration, become const; functions become inline."""
-    names = {re.escape(v) + r"\." for v in variables}
+def without_constexpr(text, names):
+    """Declarations that are constexpr by one of `names`, or by such a declaration, become const, and their names are added;
+    functions become inline."""
     while True:
         used = re.compile(r"\b(?:" + "|".join(sorted(names)) + ")")
         for m in DECLARATION.finditer(text):
@@ -81,7 +82,7 @@ def without_constexpr(text, variables):
             if used.search(statement) and "Tuning " not in statement:
                 inside_class = "#pragma once" in text and text[:m.start()].endswith("  static ")
                 text = text[:m.start()] + ("inline const " if inside_class else "const ") + text[m.end():]
-                names.add(m[1] + r"\b")
+                names.update(name + r"\b" for name in [m[1], *FURTHER_NAME.findall(statement)])
                 break
         else:
             break
@@ -91,7 +92,7 @@ def without_constexpr(text, variables):
     return text
 
 
-def opened(text, fields, variables):
+def opened(text, fields, variables, names):
     """The source with its Tuning structs read from the environment. What is constexpr because of them is so no longer; a template
     argument keeps its value."""
     def instance(m):
@@ -107,7 +108,7 @@ def opened(text, fields, variables):
     text, count = INSTANCE.subn(instance, text)
     text = re.sub(r"integral_constant<\w+, (\w+)\.(\w+)>", template_argument, text)
     if variables:
-        text = without_constexpr(text, variables)
+        text = without_constexpr(text, names)
     if count:
         first = text.index("#pragma once\n") + len("#pragma once\n") if "#pragma once\n" in text else 0
         text = text[:first] + '#include "calib/model/sensitivity.h"\n' + text[first:]
@@ -121,11 +122,16 @@ def copy_sources(to):
                             cwd=ROOT, capture_output=True, text=True, check=True).stdout.split("\n")
     sources = [name for name in listed if name.startswith(constants.OBJECT_PATH) and name.endswith((".h", ".cpp"))]
     variables = {m[5]: m[4] for name in sources for m in INSTANCE.finditer((ROOT / name).read_text()) if m[4] not in NOT_VARIED}
+    names = {re.escape(v) + r"\." for v in variables}
+    for name in sources:  # headers' names are used in other files
+        if name.endswith(".h"):
+            opened((ROOT / name).read_text(), fields, variables, names)
+    of_headers = frozenset(names)
     digest = hashlib.sha256()
     for name in filter(None, listed):
         content = (ROOT / name).read_bytes()
         if name in sources:
-            content = opened(content.decode(), fields, variables).encode()
+            content = opened(content.decode(), fields, variables, set(of_headers)).encode()
         digest.update(name.encode() + content)
         write_if_new(to / name, content)
     write_if_new(to / "calib/model/sensitivity.h", VARY.encode())

@@ -5,8 +5,9 @@
 
 A decision constant is a hand-set number that changes a result:
   - a field of a `struct ...Tuning`;
-  - a `constexpr` number outside of one, unless its comment begins with capacity:, layout:, unit: or maths:;
-  - a literal with a decimal point or an exponent in an expression, but for 0.5 and powers of ten that change a unit. Whole
+  - a `constexpr` number outside of one, unless its comment, behind it or above it, begins with capacity:, layout:, unit: or
+    maths:, or its value follows from other constants (names, and numbers that are harmless, such as 2);
+  - a literal with a decimal point or an exponent in an expression, but for 0.5, powers of ten that change a unit and numbers below 1e-9 that keep a division finite. Whole
     numbers in expressions are mostly sizes and indices; they do not count.
 Options that users set (structs ...Options, service/config) are no decision constants. --lower writes the count to constants.txt.
 """
@@ -20,7 +21,7 @@ ROOT = HERE.parents[1]
 OBJECT_PATH = ("service/object_tracking", "service/outline", "service/room_watch", "service/view_watch", "service/pipeline")
 NUMBER = r"(?:0x[0-9a-fA-F]+|(?:\d[\d']*\.?[\d']*|\.\d+)(?:[eE][-+]?\d+)?)[fFuUlL]*"
 HARMLESS = {0, 1, 2, 0.5, 1e3, 1e-3, 1e6, 1e-6, 1e9, 1e-9, 180, 360}
-NOT_A_DECISION = re.compile(r"//\s*(capacity|layout|unit|maths):")
+NOT_A_DECISION = re.compile(r"//\s*(capacity|layout|unit|maths)(:|\s*$)", re.M)
 TUNING = re.compile(r"struct (\w*Tuning)\s*\{(.*?)\n\s*\};", re.S)
 FIELD = re.compile(r"^\s*(?:double|float|int|bool|unsigned|std::\w+|Eigen::Index)\s+(\w+)\s*=\s*([^;]+);\s*(//.*)?$", re.M)
 CONSTEXPR = re.compile(r"\bconstexpr\s+(?!\w*Tuning\b)(?:const\s+)?([\w:<>]+(?:\s*<[^;=]*?>)?)\s+([^;()]*?[={][^;]*);([^\n]*)", re.S)
@@ -34,7 +35,7 @@ def without_comments_and_strings(text):
 
 def is_harmless(literal):
     plain = re.sub(r"[fFuUlL']", "", literal) if not literal.startswith("0x") else literal
-    return not re.search(r"[.eE]", plain) or plain.startswith("0x") or float(plain) in HARMLESS
+    return not re.search(r"[.eE]", plain) or plain.startswith("0x") or float(plain) in HARMLESS or 0 < float(plain) < 1e-9
 
 
 def numbers_in(code):
@@ -54,13 +55,16 @@ def constants_of(text):
     text = re.sub(r"struct \w*Options\s*\{.*?\n\};", "", text, flags=re.S)
 
     def take(match):
-        if NOT_A_DECISION.search(match[3]) or NOT_A_DECISION.search(match[0]):
+        above = re.search(r"((?:^[ ]*//[^\n]*\n|^[ ]*(?:static |inline )*constexpr (?!\w*Tuning)[^\n]*\n)*)[^\n]*\Z", text[:match.start()], re.M)[1]
+        if NOT_A_DECISION.search(match[3]) or NOT_A_DECISION.search(match[0]) or NOT_A_DECISION.search(above):
             return ""
         code = without_comments_and_strings(match[2])
         for declared in re.split(r",(?![^(){}]*[)}])", code):
             name = re.match(r"\s*(\w+)", declared)
             value = declared.split("=", 1)[-1] if "=" in declared else declared
-            if name and re.search(r"(?<![\w.])" + NUMBER, value):
+            numbers = re.findall(r"(?<![\w.])" + NUMBER + r"(?![\w.])", value)
+            is_derived = re.search(r"[A-Za-z_]\w*\.?\w*", re.sub(NUMBER, "", value)) and all(is_harmless(n) and float(re.sub("[fFuUlL']", "", n)) in HARMLESS for n in numbers if not n.startswith("0x"))
+            if name and numbers and not is_derived:
                 found.append((name[1], value.strip()[:40]))
         return ""
 

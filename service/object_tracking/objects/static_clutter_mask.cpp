@@ -34,8 +34,8 @@ constexpr int grid_px = color::TileAt::size;  // layout: a point per tile
 constexpr double tile_half_px = 3.5;          // layout: from a tile's first pixel to its centre
 constexpr double tile_reach_px = 6;           // layout: more than from there to its corner
 
-constexpr std::uint64_t left_column = 0x0101010101010101u, right_column = left_column << 7;
-constexpr std::uint64_t top_row = 0xff, bottom_row = top_row << 56;
+constexpr std::uint64_t left_column = 0x0101010101010101u, right_column = left_column << 7;  // layout
+constexpr std::uint64_t top_row = 0xff, bottom_row = top_row << 56;  // layout
 
 // Pixels that are set in at least three of four words: a flicker in one of them is ignored.
 std::uint64_t mostly(const std::array<std::uint64_t, 4>& words) {
