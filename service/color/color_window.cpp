@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
+#include <cmath>
 #include <cstring>
 #include <utility>
 
@@ -48,13 +50,48 @@ void MatchBits::ignore(const std::vector<PixelBox>& boxes) {
   in_boxes_ = ignored_;
 }
 
-void MatchBits::leave_out(std::size_t tile, std::uint64_t pixels) {
+void MatchBits::leave_out(std::size_t tile, std::uint64_t pixels, const UsualPixels* usual) {
   if (ignored_.empty()) ignored_.assign(tile_frame_.size(), 0);
+  if (usual_.empty()) usual_.assign(tile_frame_.size(), nullptr);
   ignored_[tile] |= pixels;
+  usual_[tile] = usual;
 }
 
 void MatchBits::leave_out_nothing() {
   ignored_ = in_boxes_;
+  usual_.clear();
+}
+
+std::array<std::uint8_t, 3> MatchBits::values_at(int u, int v) const {
+  if (image_.format == capture::PixelFormat::bgr) {
+    const capture::Bgr p = capture::bgr_at(image_, u, v);
+    return {p.b, p.g, p.r};
+  }
+  const capture::Yuv p = capture::yuv_at(image_, u, v);
+  return {p.y, p.u, p.v};
+}
+
+std::array<float, 3> expected_values(const LightChange& light, const std::array<std::uint8_t, 3>& usual,
+                                     capture::PixelFormat format) {
+  const float zero = format == capture::PixelFormat::bgr ? 0 : 128;
+  return {light.gain * float(usual[0]) + light.shift[0], light.gain * (float(usual[1]) - zero) + zero + light.shift[1],
+          light.gain * (float(usual[2]) - zero) + zero + light.shift[2]};
+}
+
+std::uint64_t MatchBits::left_out(TileAt tile, std::uint64_t bits) const {
+  if (ignored_.empty()) return 0;
+  const auto at = static_cast<std::size_t>(tile.v * tile_stride_ + tile.u);
+  const std::uint64_t ignored = bits & ignored_[at];
+  if (ignored == 0 || found_ != nullptr || usual_.empty() || usual_[at] == nullptr) return ignored;
+  const std::uint64_t in_boxes = in_boxes_.empty() ? 0 : ignored & in_boxes_[at];
+  std::uint64_t out = in_boxes;
+  for (std::uint64_t left = ignored & ~in_boxes; left != 0; left &= left - 1) {
+    const int bit = std::countr_zero(left);
+    const auto now = values_at(tile.pixel_u() + bit % tile_size, tile.pixel_v() + bit / tile_size);
+    if (shows(light_, expected_values(light_, (*usual_[at])[static_cast<std::size_t>(bit)], image_.format), now))
+      out |= std::uint64_t{1} << bit;
+  }
+  return out;
 }
 
 std::uint64_t MatchBits::tile_with_left_out(TileAt tile) const {
@@ -69,11 +106,21 @@ std::uint64_t MatchBits::tile_with_left_out(TileAt tile) const {
 }
 
 void MatchBits::grid(int step, std::vector<PixelAt>& hits) const {
-  scan_grid(step, ignored_, hits);
+  scan_grid(step, hits);
+  if (ignored_.empty()) return;
+  std::erase_if(hits, [&](const PixelAt& p) {
+    const TileAt tile{static_cast<std::uint16_t>(p.u / tile_size + 1), static_cast<std::uint16_t>(p.v / tile_size + 1)};
+    return left_out(tile, std::uint64_t{1} << (tile_size * (p.v % tile_size) + p.u % tile_size)) != 0;
+  });
 }
 
 void MatchBits::grid_with_left_out(int step, std::vector<PixelAt>& hits) const {
-  scan_grid(step, in_boxes_, hits);
+  scan_grid(step, hits);
+  if (in_boxes_.empty()) return;
+  std::erase_if(hits, [&](const PixelAt& p) {
+    const int tile = (p.v / tile_size + 1) * tile_stride_ + p.u / tile_size + 1;
+    return (in_boxes_[static_cast<std::size_t>(tile)] >> (tile_size * (p.v % tile_size) + p.u % tile_size) & 1) != 0;
+  });
 }
 
 void MatchBits::look_at(const capture::Image& image, const ColorTable& table) {
@@ -141,12 +188,12 @@ void MatchBits::classify(std::span<const TileAt> tiles, std::uint64_t* bits) con
 void MatchBits::store(std::span<const TileAt> tiles, const std::uint64_t* bits) {
   constexpr std::uint64_t left_half = 0x0f * each_row, right_half = 0xf0 * each_row;
   std::uint8_t* const bands = bands_.data();  // copies of members: a store of bytes might change those
-  const std::uint64_t* const ignored = ignored_.empty() ? nullptr : ignored_.data();
-  const std::ptrdiff_t band_rows = band_rows_, tile_stride = tile_stride_;
+  const bool is_some_ignored = !ignored_.empty();
+  const std::ptrdiff_t band_rows = band_rows_;
   for (std::size_t i = 0; i < tiles.size(); ++i) {
     const TileAt tile = tiles[i];
     std::uint64_t word = bits[i];
-    if (ignored != nullptr) word &= ~ignored[tile.v * tile_stride + tile.u];
+    if (is_some_ignored) word &= ~left_out(tile, word);
     std::uint8_t* const middle = bands + 2 * tile.u * band_rows + tile_size * tile.v;
     if (load_word(middle) == word) continue;  // as most are, without any match: so are the halves that it has beside it
     std::uint8_t* const west = middle - band_rows;
@@ -318,7 +365,7 @@ void MatchBits::fetch_row(int v) const {
   }
 }
 
-void MatchBits::scan_grid(int step, const std::vector<std::uint64_t>& ignored, std::vector<PixelAt>& hits) const {
+void MatchBits::scan_grid(int step, std::vector<PixelAt>& hits) const {
   constexpr int rows_ahead = 2;  // layout: of prefetching
   hits.clear();
   const capture::Image& image = image_;
@@ -329,11 +376,6 @@ void MatchBits::scan_grid(int step, const std::vector<std::uint64_t>& ignored, s
         if (matches_at(u, v)) hits.push_back({u, v});
       }
     }
-    if (ignored.empty()) return;
-    std::erase_if(hits, [&](const PixelAt& p) {
-      const int tile = (p.v / tile_size + 1) * tile_stride_ + p.u / tile_size + 1;
-      return (ignored[static_cast<std::size_t>(tile)] >> (tile_size * (p.v % tile_size) + p.u % tile_size) & 1) != 0;
-    });
   };
   const auto byte = [&image](int plane, int r, int offset) {
     const capture::Plane& p = image.planes[static_cast<std::size_t>(plane)];

@@ -8,6 +8,8 @@
 // not grow with the image's size. tests/benchmark/speed measures it.
 #pragma once
 
+#include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -27,6 +29,24 @@ struct PixelBox {
   bool operator==(const PixelBox&) const = default;
 };
 
+// Usual values of a tile's pixels, row by row: Y U V, or B G R.
+using UsualPixels = std::array<std::array<std::uint8_t, 3>, 64>;
+// Expected value of a channel: gain * (usual - zero) + zero + shift, where zero is 128 for chroma and 0 otherwise. A
+// pixel shows its usual values if no channel differs from that by more than `gate`.
+struct LightChange {
+  float gain = 1;
+  std::array<float, 3> shift{}, gate{};
+};
+
+std::array<float, 3> expected_values(const LightChange& light, const std::array<std::uint8_t, 3>& usual,
+                                     capture::PixelFormat format);
+inline bool shows(const LightChange& light, const std::array<float, 3>& expected,
+                  const std::array<std::uint8_t, 3>& now) {
+  return std::abs(float(now[0]) - expected[0]) <= light.gate[0] &&
+         std::abs(float(now[1]) - expected[1]) <= light.gate[1] &&
+         std::abs(float(now[2]) - expected[2]) <= light.gate[2];
+}
+
 // thread-compatible. One per camera and target; lives as long as the tracker, so that a frame costs no allocation.
 class MatchBits {
  public:
@@ -39,9 +59,15 @@ class MatchBits {
   void ignore(const std::vector<PixelBox>& boxes);
 
   // Pixels of a tile (counted row by row, tile_stride() a row, margin included; bit 8 r + c) that match nothing in what
-  // is classified from now on, besides the boxes; until the next such call.
-  void leave_out(std::size_t tile, std::uint64_t pixels);
+  // is classified from now on, besides the boxes, while they show their usual values: what stands before them matches.
+  // usual: nullptr, always; else lives until leave_out_nothing(). A frame without pixels counts as showing them.
+  void leave_out(std::size_t tile, std::uint64_t pixels, const UsualPixels* usual = nullptr);
   void leave_out_nothing();
+  // How the light differs in this frame from that of all usual values.
+  void set_light(const LightChange& light) { light_ = light; }
+  // Raw values of a pixel, as in UsualPixels. The frame has pixels.
+  std::array<std::uint8_t, 3> values_at(int u, int v) const;
+  bool has_pixels() const { return found_ == nullptr; }
   // Matches with leave_out() ignored: of one tile, and of a grid of pixels like grid().
   std::uint64_t tile_with_left_out(TileAt tile) const;
   void grid_with_left_out(int step, std::vector<PixelAt>& hits) const;
@@ -105,6 +131,8 @@ class MatchBits {
   }
   void classify(std::span<const TileAt> tiles, std::uint64_t* bits) const;  // inside the image
   std::uint64_t classify_edge(int u, int v) const;
+  // Of the matching pixels `bits` of a tile, those that leave_out() leaves out now.
+  std::uint64_t left_out(TileAt tile, std::uint64_t bits) const;
   // The given matches of the tile with this top left pixel.
   std::uint64_t found(int u, int v) const { return found_[v / TileAt::size * found_stride_ + u / TileAt::size]; }
 
@@ -124,10 +152,12 @@ class MatchBits {
   std::ptrdiff_t found_stride_ = 0;
   std::vector<std::uint32_t> tile_frame_;  // that the tile was classified for
   std::vector<std::uint8_t> bands_;
-  void scan_grid(int step, const std::vector<std::uint64_t>& ignored, std::vector<PixelAt>& hits) const;
+  void scan_grid(int step, std::vector<PixelAt>& hits) const;
 
-  std::vector<std::uint64_t> ignored_;   // per tile, bits that never match; empty: none
-  std::vector<std::uint64_t> in_boxes_;  // of them, those that are in boxes
+  std::vector<std::uint64_t> ignored_;     // per tile, bits that never match; empty: none
+  std::vector<std::uint64_t> in_boxes_;    // of them, those that are in boxes
+  std::vector<const UsualPixels*> usual_;  // per tile; empty: none
+  LightChange light_;
   // Per cell of 4x4 pixels: whether a window begins in it; all 0 between calls, but for cell 0.
   std::vector<std::uint8_t> mark_;
   std::vector<std::int32_t> where_;  // work space of count_5x5

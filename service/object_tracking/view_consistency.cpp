@@ -112,6 +112,7 @@ std::optional<PathResidual> ViewConsistency::residual_elsewhere(const TargetView
   unseen.is_suspicious = moved != nullptr;
   if (moved == nullptr) return std::nullopt;
   Sighting sighting = sighting_of(view, *moved, at.radius_px, options_.pixel_noise_px, image_motion(view, at, state));
+  if (!has_disc_shape(sighting)) return std::nullopt;  // a part of something else
   sighting.row = row_of(view, sighting.px.y(), state);
   return residual_of(sighting, state);
 }
@@ -126,7 +127,9 @@ void ViewConsistency::compare_moving(const std::vector<TargetView>& views,
     const double radius_px = expected_px[i];
     const color::ColorRegion* moved = only_moving(views[i].index, regions[i], radius_px, set_at);
     if (moved == nullptr) continue;
-    moving.push_back(sighting_of(views[i], *moved, disc_radius(moved->area), options_.pixel_noise_px, {}));
+    const Sighting sighting = sighting_of(views[i], *moved, disc_radius(moved->area), options_.pixel_noise_px, {});
+    if (!has_disc_shape(sighting)) continue;
+    moving.push_back(sighting);
     moving.back().row = row_of(views[i], moving.back().px.y(), state);
   }
   for (std::size_t a = 0; a < moving.size(); ++a) {

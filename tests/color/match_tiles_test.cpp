@@ -87,6 +87,70 @@ TEST_P(MatchTiles, GiveMatchBitsWhatTheImageGives) {
   }
 }
 
+// Left out while they show their usual values; what stands before them matches.
+TEST_P(MatchTiles, PixelsAreLeftOutOnlyWhileTheyShowTheirUsualValues) {
+  constexpr int width = 48, height = 40;
+  const ColorTable table(common_color(GetParam()), GetParam(), capture::ColorRange::limited);
+  const capture::Image usual = random_image(GetParam(), width, height, 1);
+  const capture::Image other = random_image(GetParam(), width, height, 2);
+  MatchBits bits(width, height), plain(width, height);
+  bits.look_at(usual, table);
+  std::vector<UsualPixels> values(static_cast<std::size_t>(bits.tile_stride() * bits.tile_rows()));
+  for (int tv = 1; tv <= height / 8; ++tv) {
+    for (int tu = 1; tu <= width / 8; ++tu) {
+      const auto at = static_cast<std::size_t>(tv * bits.tile_stride() + tu);
+      for (int k = 0; k < 64; ++k)
+        values[at][static_cast<std::size_t>(k)] = bits.values_at(8 * (tu - 1) + k % 8, 8 * (tv - 1) + k / 8);
+      bits.leave_out(at, ~std::uint64_t{0}, &values[at]);
+    }
+  }
+  bits.set_light({.gain = 1, .shift = {}, .gate = {6, 6, 6}});
+  std::vector<PixelAt> hits;
+  bits.look_at(usual, table);
+  bits.grid(3, hits);
+  EXPECT_TRUE(hits.empty());
+  for (int v = 0; v < height; ++v)
+    for (int u = 0; u < width; ++u) EXPECT_FALSE(bits.at(u, v)) << u << ", " << v;
+
+  bits.look_at(other, table), plain.look_at(other, table);
+  int seen = 0, left_out = 0;
+  for (int v = 0; v < height; ++v) {
+    for (int u = 0; u < width; ++u) {
+      if (!plain.at(u, v)) continue;
+      const auto now = bits.values_at(u, v);
+      const auto& was = values[static_cast<std::size_t>((v / 8 + 1) * bits.tile_stride() + u / 8 + 1)]
+                              [static_cast<std::size_t>(v % 8 * 8 + u % 8)];
+      bool is_usual = true;
+      for (std::size_t c = 0; c < 3; ++c) is_usual = is_usual && std::abs(now[c] - was[c]) <= 6;
+      EXPECT_EQ(bits.at(u, v), !is_usual) << u << ", " << v;
+      ++(is_usual ? left_out : seen);
+    }
+  }
+  EXPECT_GT(seen, 20);
+  bits.grid(1, hits);
+  EXPECT_EQ(std::ssize(hits), seen);
+  // Forgotten with leave_out_nothing().
+  bits.leave_out_nothing();
+  bits.look_at(usual, table), plain.look_at(usual, table);
+  for (int v = 0; v < height; ++v)
+    for (int u = 0; u < width; ++u) EXPECT_EQ(bits.at(u, v), plain.at(u, v));
+}
+
+// Brighter light and another white balance are no change of the scene.
+TEST(MatchBits, UsualValuesFollowTheLight) {
+  const LightChange light{.gain = 1.25f, .shift = {0, 2, -3}, .gate = {2, 2, 2}};
+  const std::array<std::uint8_t, 3> usual{100, 110, 160};
+  const auto yuv = expected_values(light, usual, capture::PixelFormat::i420);
+  EXPECT_FLOAT_EQ(yuv[0], 125);
+  EXPECT_FLOAT_EQ(yuv[1], 107.5f);
+  EXPECT_FLOAT_EQ(yuv[2], 165);
+  EXPECT_TRUE(shows(light, yuv, {126, 107, 166}));
+  EXPECT_FALSE(shows(light, yuv, {100, 110, 160}));
+  const auto bgr = expected_values(light, usual, capture::PixelFormat::bgr);
+  EXPECT_FLOAT_EQ(bgr[1], 139.5f);
+  EXPECT_FLOAT_EQ(bgr[2], 197);
+}
+
 TEST(MatchedColor, IsTheRange) {
   const HsiRange range{340, 20, 0.25, 0.9, 0.15, 0.85};
   EXPECT_EQ(range_of(matched_color(range)), range);

@@ -280,6 +280,31 @@ TEST(StaticClutterMask, IsNoObjectAndARestingObjectStaysTracked) {
   }
 }
 
+// Cupboards of the ball's colour, in less light, stand behind the whole path of the ball in every view.
+TEST(StaticClutterMask, ABallBeforeFurnitureOfItsColourIsTracked) {
+  scene::SceneBuilder builder;
+  builder.cameras_on_ring({.count = 3});
+  builder.ball({.path = [](double t) {
+    if (t < 2.5) return Vector3d(0, 0, 20);  // nowhere
+    return Vector3d(-0.3 + 0.3 * (t - 2.5), 0.1, 1.1);
+  }});
+  for (int k = 0; k < 12; ++k) {
+    const double angle = 2 * std::numbers::pi * k / 12;
+    builder.ball({.radius_m = 0.6, .rgb = 0.7 * Vector3d(0.45, 0.80, 0.12), .path = [=](double) {
+                    return Vector3d(3.2 * std::cos(angle), 3.2 * std::sin(angle), 0.9);
+                  }});
+  }
+  const scene::Scene scene = builder.build();
+  const std::vector<capture::FrameSet> sets = render(scene, {.set_count = 125});
+  for (const int count : {1, 3}) {
+    const TrackRun run = track(scene, sets, count, 1);
+    EXPECT_EQ(run.wrong, 0u) << count;
+    std::size_t tracked = 0;
+    for (std::size_t i = 80; i < run.tracked.size(); ++i) tracked += run.tracked[i];
+    EXPECT_GE(tracked, 40u) << count;  // of 45
+  }
+}
+
 // A piece of furniture is carried away; seconds later a ball rests where it stood.
 TEST(StaticClutterMask, isForgottenWhenTheSceneChanges) {
   const Vector3d place(0.2, 0.3, 1.0);

@@ -61,6 +61,7 @@ class ObjectExistence {
   bool is_sure() const;
   // Clutter explains the last set's sightings better: they are no measurement of this object.
   bool is_chance() const { return is_chance_; }
+  double log_odds() const { return evidence_; }
   // Never confirmed, and less likely than when it was found, or at rest for too long. A confirmed one coasts instead.
   bool is_refuted() const;
 

@@ -26,16 +26,20 @@ struct StaticClutterTuning {
   double min_roundness = 0.75;  // of its half widths
   double min_filled = 0.85;     // of the ellipse of these half widths
   double cut_radii = 1.5;       // radii from a region's centre in which masked clutter may have cut it
+  std::size_t probes = 256;     // masked pixels by which a view's light is followed
+  float usual_sigmas = 4;       // of a masked pixel's noise: 6e-5 differ by more
+  float min_noise = 1;          // grey values, 1 sigma of that noise
   double cut_error = 0.85;      // radii of error per missing share: an edge leaves 0.42 at half, 0.65 at a quarter
 };
 constexpr StaticClutterTuning static_clutter{};
 
 constexpr int grid_px = color::TileAt::size;  // layout: a point per tile
 constexpr double tile_half_px = 3.5;          // layout: from a tile's first pixel to its centre
+constexpr float sigma_of_mad = 1.4826f;       // maths: of a normal distribution
 constexpr double tile_reach_px = 6;           // layout: more than from there to its corner
 
 constexpr std::uint64_t left_column = 0x0101010101010101u, right_column = left_column << 7;  // layout
-constexpr std::uint64_t top_row = 0xff, bottom_row = top_row << 56;  // layout
+constexpr std::uint64_t top_row = 0xff, bottom_row = top_row << 56;                          // layout
 
 // Pixels that are set in at least three of four words: a flicker in one of them is ignored.
 std::uint64_t mostly(const std::array<std::uint64_t, 4>& words) {
@@ -51,6 +55,10 @@ std::uint64_t heightened(std::uint64_t w) {
   return w | w << 8 | w >> 8;
 }
 
+color::TileAt tile_at(std::size_t index, int stride) {
+  return {static_cast<std::uint16_t>(int(index) % stride), static_cast<std::uint16_t>(int(index) / stride)};
+}
+
 bool is_surrounded(const TargetView& view, const Sighting& s) {
   const double reach = static_clutter.covered_radii * s.radius_px + static_clutter.covered_px + 1;
   int seen = 0, matching = 0;
@@ -58,12 +66,8 @@ bool is_surrounded(const TargetView& view, const Sighting& s) {
     const double angle = 2 * std::numbers::pi * i / static_clutter.around_points;
     const double u = s.px.x() + reach * std::cos(angle), v = s.px.y() + reach * std::sin(angle);
     if (!(u >= 0 && v >= 0 && u < view.image->width && v < view.image->height)) continue;
-    const int column = int(u), row = int(v);
-    const color::TileAt tile{static_cast<std::uint16_t>(column / color::TileAt::size + 1),
-                             static_cast<std::uint16_t>(row / color::TileAt::size + 1)};
-    const int bit = row % color::TileAt::size * 8 + column % color::TileAt::size;
     ++seen;
-    matching += (view.matches->tile_with_left_out(tile) >> bit & 1) != 0 ? 1 : 0;
+    matching += view.matches->at(int(u), int(v)) ? 1 : 0;
   }
   return matching > static_clutter.surrounded * seen;
 }
@@ -117,6 +121,7 @@ void StaticClutterMask::mark_clipped(std::vector<Sighting>& sightings) const {
 void StaticClutterMask::look(const std::vector<TargetView>& views, std::span<const Sighting> tracked,
                              capture::Timestamp set_at) {
   if (views.empty()) return;
+  for (const TargetView& view : views) follow_light(view, cameras_[std::size_t(view.index)]);
   if (!last_at_) {
     for (const TargetView& view : views) measure(view);  // one view decides for all
     if (std::ranges::any_of(cameras_, &PerCamera::is_above)) {
@@ -233,19 +238,8 @@ void StaticClutterMask::learn(const TargetView& view, PerCamera& camera, std::sp
     if (s.row.camera == view.index && !is_surrounded(view, s)) covering_.push_back(s);
   for (const std::uint32_t at : camera.listed) {
     Tile& tile = camera.tiles[at];
-    const color::TileAt where{static_cast<std::uint16_t>(int(at) % stride),
-                              static_cast<std::uint16_t>(int(at) / stride)};
-    std::uint64_t covered = 0;
-    for (const Sighting& s : covering_) {
-      const double reach = static_clutter.covered_radii * s.radius_px + static_clutter.covered_px;
-      const double du = where.pixel_u() + tile_half_px - s.px.x(), dv = where.pixel_v() + tile_half_px - s.px.y();
-      if (std::hypot(du, dv) > reach + tile_reach_px) continue;
-      for (int bit = 0; bit < 64; ++bit) {
-        const int column = bit % 8, row = bit / 8;
-        const double u = where.pixel_u() + column - s.px.x(), v = where.pixel_v() + row - s.px.y();
-        if (u * u + v * v < reach * reach) covered |= std::uint64_t{1} << bit;
-      }
-    }
+    const color::TileAt where = tile_at(at, stride);
+    const std::uint64_t covered = covered_in(where);
     const std::uint64_t matched = view.matches->tile_with_left_out(where);
     tile.matched[place] = (matched & ~covered) | (tile.still & covered);
   }
@@ -276,12 +270,86 @@ void StaticClutterMask::learn(const TargetView& view, PerCamera& camera, std::sp
   if (++camera.sampled == samples) camera.may_be_objects.clear();
 }
 
+std::uint64_t StaticClutterMask::covered_in(color::TileAt tile) const {
+  std::uint64_t covered = 0;
+  for (const Sighting& s : covering_) {
+    const double reach = static_clutter.covered_radii * s.radius_px + static_clutter.covered_px;
+    const double du = tile.pixel_u() + tile_half_px - s.px.x(), dv = tile.pixel_v() + tile_half_px - s.px.y();
+    if (std::hypot(du, dv) > reach + tile_reach_px) continue;
+    for (int bit = 0; bit < 64; ++bit) {
+      const int column = bit % 8, row = bit / 8;
+      const double u = tile.pixel_u() + column - s.px.x(), v = tile.pixel_v() + row - s.px.y();
+      if (u * u + v * v < reach * reach) covered |= std::uint64_t{1} << bit;
+    }
+  }
+  return covered;
+}
+
+// Values of the masked pixels in this sample's light. Under an object nothing new is learnt. A pixel that matches the
+// colour and differs in three samples one after the other has changed for good.
+void StaticClutterMask::learn_usual(const TargetView& view, const PerCamera& camera, color::TileAt where,
+                                    std::uint64_t masked, Tile& tile) {
+  const std::uint64_t covered = covered_in(where), matched = view.matches->tile_with_left_out(where);
+  const std::uint64_t before = tile.known;
+  std::uint64_t differs = 0;
+  tile.known &= masked;
+  for (std::uint64_t left = masked; left != 0; left &= left - 1) {
+    const int bit = std::countr_zero(left);
+    const std::uint64_t here = std::uint64_t{1} << bit;
+    const int u = where.pixel_u() + bit % 8, v = where.pixel_v() + bit / 8;
+    if (u < 0 || v < 0 || u >= view.image->width || v >= view.image->height) continue;
+    const auto now = view.matches->values_at(u, v);
+    std::array<std::uint8_t, 3>& usual = tile.usual[std::size_t(bit)];
+    const bool is_known = (before & here) != 0, is_covered = (covered & here) != 0;
+    if (!is_known && is_covered) continue;
+    tile.known |= here;
+    const auto expected = color::expected_values(camera.light, usual, view.image->format);
+    const bool is_as_usual = is_known && color::shows(camera.light, expected, now);
+    if (is_known && !is_as_usual && (matched & ~covered & here) != 0) differs |= here;
+    const bool is_new = !is_known || (differs & tile.changed[0] & tile.changed[1] & here) != 0;
+    for (std::size_t c = 0; c < 3; ++c) {
+      const float mean = is_as_usual && !is_covered ? (3 * expected[c] + float(now[c])) / 4 : expected[c];
+      usual[c] = is_new ? now[c] : static_cast<std::uint8_t>(std::lround(std::clamp(mean, 0.f, 255.f)));
+    }
+  }
+  tile.changed = {differs, tile.changed[0]};
+}
+
+// Medians over masked pixels, most of which show what they usually show.
+void StaticClutterMask::follow_light(const TargetView& view, PerCamera& camera) {
+  if (camera.probes.empty() || !view.matches->has_pixels()) return;
+  const auto median = [&] {
+    const auto middle = differences_.begin() + std::ptrdiff_t(differences_.size() / 2);
+    std::ranges::nth_element(differences_, middle);
+    return *middle;
+  };
+  color::LightChange& light = camera.light;
+  light = {};
+  differences_.clear();
+  for (const Probe& probe : camera.probes)
+    differences_.push_back(float(view.matches->values_at(probe.u, probe.v)[0]) /
+                           float(std::max<int>(1, (*probe.usual)[0])));
+  light.gain = median();
+  for (std::size_t c = 0; c < 3; ++c) {
+    differences_.clear();
+    for (const Probe& probe : camera.probes)
+      differences_.push_back(float(view.matches->values_at(probe.u, probe.v)[c]) -
+                             color::expected_values(light, *probe.usual, view.image->format)[c]);
+    const float shift = median();
+    for (float& d : differences_) d = std::abs(d - shift);
+    light.shift[c] = shift;
+    light.gate[c] = static_clutter.usual_sigmas * std::max(static_clutter.min_noise, sigma_of_mad * median());
+  }
+  view.matches->set_light(light);
+}
+
 // Dilated by a pixel: at edges noise decides.
 void StaticClutterMask::leave_out(const TargetView& view, PerCamera& camera) {
   const int stride = view.matches->tile_stride();
   view.matches->leave_out_nothing();
+  masked_.assign(camera.tiles.size(), 0);
   const auto add = [&](std::uint32_t at, int du, int dv, std::uint64_t bits) {
-    if (bits != 0) view.matches->leave_out(std::size_t(int(at) + dv * stride + du), bits);
+    masked_[std::size_t(int(at) + dv * stride + du)] |= bits;
   };
   for (const std::uint32_t at : camera.listed) {
     const std::uint64_t w = camera.tiles[at].still;
@@ -293,7 +361,35 @@ void StaticClutterMask::leave_out(const TargetView& view, PerCamera& camera) {
     add(at, -1, 0, (tall & left_column) << 7);
     add(at, 1, 0, (tall & right_column) >> 7);
   }
+  const bool has_pixels = view.matches->has_pixels();
+  std::size_t known = 0;
+  for (std::size_t at = 0; at < masked_.size(); ++at) {
+    if (masked_[at] == 0) continue;
+    Tile& tile = camera.tiles[at];
+    if (has_pixels) learn_usual(view, camera, tile_at(at, stride), masked_[at], tile);
+    known += std::size_t(std::popcount(tile.known));
+    view.matches->leave_out(at, has_pixels ? tile.known : masked_[at], has_pixels ? &tile.usual : nullptr);
+  }
+  if (has_pixels) choose_probes(camera, known);
   describe(view, camera);
+}
+
+// Spread evenly over the masked pixels. The light of the sample is the new reference.
+void StaticClutterMask::choose_probes(PerCamera& camera, std::size_t known) {
+  camera.probes.clear();
+  const std::size_t every = known / static_clutter.probes + 1;
+  std::size_t n = 0;
+  for (std::size_t at = 0; at < masked_.size(); ++at) {
+    if (masked_[at] == 0) continue;
+    const color::TileAt where = tile_at(at, camera.stride);
+    for (std::uint64_t left = camera.tiles[at].known; left != 0; left &= left - 1) {
+      const int bit = std::countr_zero(left);
+      if (n++ % every == 0)
+        camera.probes.push_back(
+            {where.pixel_u() + bit % 8, where.pixel_v() + bit / 8, &camera.tiles[at].usual[std::size_t(bit)]});
+    }
+  }
+  camera.light.gain = 1, camera.light.shift = {};
 }
 
 // Share and largest patch (8-connected tiles) of the clutter.

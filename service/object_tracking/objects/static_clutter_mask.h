@@ -1,4 +1,5 @@
-// Masks static clutter: pixels of the target's colour that never move. In a room that shares the colour, views are
+// Masks static clutter: pixels of the target's colour that never move, while they show what they usually show: an
+// object before furniture of its colour is seen. In a room that shares the colour, views are
 // sampled every 0.5 s; pixels that matched in three of the last four samples, or that match again after they did not
 // (noise at the colour's limits), match nothing until they change. Pixels under a tracked object keep their state, so
 // that a resting object stays tracked, unless its surroundings have the colour, too.
@@ -60,6 +61,14 @@ class StaticClutterMask {
     std::array<std::uint64_t, kept_samples> matched{};  // per sample, a ring
     std::uint64_t still = 0;
     bool is_listed = false;
+    // Of masked pixels, in the light of the last sample. known: which; changed: differed in the last two samples.
+    color::UsualPixels usual{};
+    std::uint64_t known = 0;
+    std::array<std::uint64_t, 2> changed{};
+  };
+  struct Probe {  // a masked pixel, by which the light is followed
+    int u, v;
+    const std::array<std::uint8_t, 3>* usual;
   };
   struct PerCamera {
     std::vector<Tile> tiles;            // empty until the room shares the colour
@@ -69,14 +78,21 @@ class StaticClutterMask {
     double smallest_px = 0, largest_px = 0;                      // radius of an object
     std::vector<object_tracking::Sighting> may_be_objects = {};  // at the first set
     color::RegionFinder finder = {};
-    bool is_above = false;  // more of the colour than the objects could cover
+    std::vector<Probe> probes = {};
+    color::LightChange light = {};  // since the last sample
+    bool is_above = false;          // more of the colour than the objects could cover
     bool is_learning = false;
   };
   void measure(const object_tracking::TargetView& view);
   void sample(const object_tracking::TargetView& view, std::span<const object_tracking::Sighting> tracked);
   void learn(const object_tracking::TargetView& view, PerCamera& camera,
              std::span<const object_tracking::Sighting> tracked);
+  std::uint64_t covered_in(color::TileAt tile) const;  // by covering_
   void leave_out(const object_tracking::TargetView& view, PerCamera& camera);
+  void learn_usual(const object_tracking::TargetView& view, const PerCamera& camera, color::TileAt where,
+                   std::uint64_t masked, Tile& tile);
+  void choose_probes(PerCamera& camera, std::size_t known);
+  void follow_light(const object_tracking::TargetView& view, PerCamera& camera);
   void find_what_may_be_objects(const object_tracking::TargetView& view, PerCamera& camera);
   void describe(const object_tracking::TargetView& view, const PerCamera& camera);
 
@@ -88,6 +104,8 @@ class StaticClutterMask {
   std::vector<object_tracking::Sighting> covering_;  // work space: objects in front of the room
   std::vector<std::uint32_t> open_;                  // work space: tiles of a patch
   std::vector<char> is_visited_;                     // work space: per tile
+  std::vector<std::uint64_t> masked_;                // work space: per tile
+  std::vector<float> differences_;                   // work space: of probes
   bool is_room_shared_ = false;
   std::size_t next_ = 0;
   std::optional<capture::Timestamp> last_at_ = {}, first_at_ = {};

@@ -39,6 +39,21 @@ bool is_wider_than_object(const color::ColorRegion& region, double radius_px) {
   return 2 * std::sqrt(std::max(0.0, narrow)) > sighter.widest_radii * radius_px;
 }
 
+// Of the disc's pixels in the image.
+double matching_share(color::MatchBits& matches, const BallProjection& disc) {
+  const auto first = [&](double px) { return std::max(0, int(std::ceil(px - disc.radius_px))); };
+  const auto last = [&](double px, int size) { return int(std::min(size - 1.0, px + disc.radius_px)); };
+  int matching = 0, all = 0;
+  for (int v = first(disc.px.y()); v <= last(disc.px.y(), matches.height()); ++v) {
+    for (int u = first(disc.px.x()); u <= last(disc.px.x(), matches.width()); ++u) {
+      if ((Eigen::Vector2d(u, v) - disc.px).squaredNorm() >= disc.radius_px * disc.radius_px) continue;
+      ++all;
+      matching += matches.at(u, v) ? 1 : 0;
+    }
+  }
+  return all > 0 ? double(matching) / all : 0;
+}
+
 }  // namespace
 
 Eigen::Matrix2d predicted_spread(const TargetView& view, const ExpectedView& expected, const ObjectFilter& filter,
@@ -129,7 +144,13 @@ void ObjectSighter::sight(const std::vector<TargetView>& views, const ObjectFilt
       const double score = std::log(sighting.support) - 0.5 * d2 - 0.5 * std::log(sighting.covariance.determinant());
       if (score > best) best = score, chosen = sighting, chosen_region = region;
     }
-    if (!chosen) continue;
+    if (!chosen) {
+      if (auto merged = is_inconsistent ? std::nullopt : outline_of_merged(view, motion, *expected, s)) {
+        merged->row = row_of(view, merged->px.y(), motion);
+        out.push_back(*merged);
+      }
+      continue;
+    }
     last_[static_cast<std::size_t>(view.index)] = {chosen_region, view.frame->captured_at};
     // Inconsistent views are not refined: outlines do not show which view is wrong.
     if (!is_inconsistent) outlines_.sharpen(view, motion, *expected, s, *chosen);
@@ -137,6 +158,24 @@ void ObjectSighter::sight(const std::vector<TargetView>& views, const ObjectFilt
     out.push_back(*chosen);
   }
   sort_by_time(out);
+}
+
+// The object is part of a larger region, as in a hand of its colour: its outline alone is a measurement.
+std::optional<Sighting> ObjectSighter::outline_of_merged(const TargetView& view, const MotionState& motion,
+                                                         const ExpectedView& expected, const Eigen::Matrix2d& spread) {
+  const BallProjection& at = expected.at;
+  if (!view.camera->contains({at.px})) return std::nullopt;
+  const double share = matching_share(*view.matches, at);
+  if (share < sighting_tuning.start_disc_share) return std::nullopt;
+  Sighting s;
+  s.row = expected.row;
+  s.camera = view.camera, s.projector = view.projector;
+  s.px = at.px;
+  s.covariance = spread + at.radius_px * at.radius_px * Eigen::Matrix2d::Identity();
+  s.support = share;
+  s.radius_px = at.radius_px;
+  if (!outlines_.sharpen(view, motion, expected, spread, s)) return std::nullopt;
+  return s;
 }
 
 void ObjectSighter::sharpen(const std::vector<TargetView>& views, const MotionState& about,

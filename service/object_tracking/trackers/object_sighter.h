@@ -68,6 +68,10 @@ class ObjectSighter {
   std::span<const color::ColorRegion> regions_near(const object_tracking::TargetView& view,
                                                    const object_tracking::BallProjection& at,
                                                    const Eigen::Matrix2d& spread);
+  std::optional<object_tracking::Sighting> outline_of_merged(const object_tracking::TargetView& view,
+                                                             const object_tracking::MotionState& motion,
+                                                             const object_tracking::ExpectedView& expected,
+                                                             const Eigen::Matrix2d& spread);
   bool is_repeated(const object_tracking::TargetView& view, std::span<const color::ColorRegion> regions,
                    const object_tracking::BallProjection& at, const object_tracking::MotionState& motion);
 

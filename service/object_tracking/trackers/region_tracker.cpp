@@ -195,17 +195,22 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
   if (is_shared && state_ == TrackState::coasting && sightings_.size() >= 2 &&
       (find->now.position - filter_.motion().position()).norm() < object_gates.same_object_radii * target_.radius_m)
     return;
-  if (is_out_of_reach(*find, set.at)) return;
+  ObjectExistence found;
+  found.assume();
+  if (is_shared) {
+    found.begin(set.at, *find, views, target_.radius_m, (options_.volume.max - options_.volume.min).maxCoeff(),
+                options_, clutter_, clutter_mask_);
+    // Two hypotheses: the likelier one is tracked.
+    if (state_ == TrackState::coasting && found.log_odds() <= existence_.log_odds()) return;
+  } else if (is_out_of_reach(*find, set.at)) {
+    return;
+  }
   MotionState about = filter_.motion();
   const double variance_m2 = std::pow(largest_sigma(find->now.covariance), 2);
   about.begin(set.at, find->now.position, variance_m2, (find->now.position - find->earlier.position) / find->dt,
               2 * variance_m2 / (find->dt * find->dt));
   sighter_.sharpen(views, about, find->now.sightings);
-  if (is_shared)
-    existence_.begin(set.at, *find, views, target_.radius_m, (options_.volume.max - options_.volume.min).maxCoeff(),
-                     options_, clutter_, clutter_mask_);
-  else
-    existence_.assume();
+  existence_ = found;
   start_compared(*find, set.at);
   const double inconsistency_m = consistency_.inflated_sigma(filter_.motion(), sightings_);
   if (inconsistency_m <= options_.max_coast_sigma_m) {
