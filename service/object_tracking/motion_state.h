@@ -49,7 +49,7 @@ class MotionState {
  public:
   // Its latency is fixed: a common shift of all latencies moves the object along its path and changes no image.
   static constexpr int reference_camera = 0;  // layout
-  static constexpr int max_cameras = 64;  // capacity: a measurement's row of the covariance fits on the stack
+  static constexpr int max_cameras = 64;      // capacity: a measurement's row of the covariance fits on the stack
 
   // times_are_learnt: false takes the rig's timing; its stated uncertainty is then measurement noise.
   // Throws std::invalid_argument for more than max_cameras.

@@ -69,7 +69,9 @@ struct SightingTuning {
   double confirmation_s = 0.5;    // s, an unconfirmed candidate older than this is dropped
   double prediction_sigmas = 3;   // reach of a predicted or measured place: 99.7 % on one axis
   double extent_radii = 3;        // radii, largest extent of a region where one object is searched
-  double shading_share = 0.04;    // of the radius, 1 sigma: a ball's bright side matches further out (experiment)
+  double part_radii = 1.3;  // radii from a region's centre in which another one is a part of the object (experiment)
+  double same_object_radii = 1.5;  // radii, nearer candidates or detections are of one object (experiment)
+  double shading_share = 0.04;     // of the radius, 1 sigma: a ball's bright side matches further out (experiment)
   int contested_sets = 8;         // frame sets that confirm a candidate against a view that should show it and does not
   std::size_t max_crossings = 4;  // candidates kept per frame set where one object is searched
   double repeat_px = 1;           // px, motion that changes a region of 100 px visibly: else the frame is a repeat

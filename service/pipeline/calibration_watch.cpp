@@ -1,4 +1,5 @@
 #include "pipeline/calibration_watch.h"
+#include "calib/model/covariance_ellipse.h"
 
 #include <Eigen/Cholesky>
 #include <algorithm>
@@ -24,7 +25,6 @@ struct CalibrationWatchTuning {
   double resend_shift_m = 3e-4;       // m, nor a shift below this
   double tolerated_effect_m = 0.01;   // m, rms of positions: error of an ordinary calibration
   double update_pause_s = 0.5;        // s, between two updates of one camera's trust, and of its effect
-  double small_turn_nis = 16.3;       // chi-square, 3 dof, 99.9 %; largest in good recordings: 12
 };
 constexpr CalibrationWatchTuning calibration_tuning{};
 
@@ -52,7 +52,7 @@ bool has_moved(RoomState state) {
 // A significant rotation that is below the threshold for reporting the camera as moved.
 bool has_turned_a_little(const room_watch::RoomCondition& room) {
   if (room.state != RoomState::still || room.rotation.isZero(0)) return false;
-  return room.rotation.dot(room.covariance.llt().solve(room.rotation)) > calibration_tuning.small_turn_nis;
+  return room.rotation.dot(room.covariance.llt().solve(room.rotation)) > calib::chi2_999_in_3d;
 }
 
 bool is_of_no_use(RoomState state) {

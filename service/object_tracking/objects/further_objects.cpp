@@ -11,8 +11,6 @@ namespace {
 struct FurtherObjectTuning {
   double period_s = 1;   // s, between searches: a frame set with one takes as long as a search
   double delay_s = 1.5;  // s, seen or gone for as long before it is published: what crosses the room does not stay
-  double pause_s = 0.5;  // s, an interruption of the track up to which the finding stands
-  double own_radii = 3;  // radii around the target in which a region is its own or touches it
 };
 constexpr FurtherObjectTuning further_object{};
 
@@ -46,7 +44,7 @@ void FurtherObjectWatch::find_others(const std::vector<TargetView>& views, const
     const auto own = project_ball(*views[i].camera, state.position(), target_.radius_m);
     for (const color::ColorRegion& region :
          whole_regions(finders_[camera], *views[i].matches, size_in_view_[camera], target_.count, {})) {
-      if (!own || (region.centre - own->px).norm() > further_object.own_radii * own->radius_px)
+      if (!own || (region.centre - own->px).norm() > sighting_tuning.extent_radii * own->radius_px)
         regions_[i].push_back(region);
     }
   }
@@ -55,7 +53,7 @@ void FurtherObjectWatch::find_others(const std::vector<TargetView>& views, const
 void FurtherObjectWatch::note_untracked(capture::Timestamp set_at) {
   is_second_ = false;
   if (!nothing_since_ || set_at < *nothing_since_) nothing_since_ = set_at;
-  if (capture::seconds(set_at - *nothing_since_) > further_object.pause_s) further_.note(set_at, std::nullopt);
+  if (capture::seconds(set_at - *nothing_since_) > sighting_tuning.confirmation_s) further_.note(set_at, std::nullopt);
 }
 
 void FurtherObjectWatch::look(const std::vector<TargetView>& views, std::span<const Sighting> sightings,
@@ -80,7 +78,7 @@ void FurtherObjectWatch::look(const std::vector<TargetView>& views, std::span<co
   }
   is_second_ = false;
   const auto other = std::ranges::find_if(births, [&](const Birth& birth) {
-    return (birth.now.position - state.position()).norm() > further_object.own_radii * target_.radius_m;
+    return (birth.now.position - state.position()).norm() > sighting_tuning.extent_radii * target_.radius_m;
   });
   further_.note(set_at, other == births.end() ? std::nullopt : std::optional(other->now.position));
 }

@@ -29,7 +29,6 @@ struct BirthTuning {
   double min_step_share = 0.3;  // of the mean step that the last one must have: slow steps are half noise
   int path_sets = 6;            // frame sets over which a motion is measured
   double ambiguity = 2;         // log-likelihood ratio up to which two candidates are equally good
-  double same_radii = 1.5;      // radii, candidates closer than this are of one object
 };
 constexpr BirthTuning birth_tuning{};
 
@@ -140,7 +139,7 @@ std::vector<ObjectBirths::Candidate> ObjectBirths::candidates(const std::vector<
     bool is_left_out = false;
     for (Candidate& better : out) {
       if (!share_a_region(better.at, c.at) &&
-          (better.at.position - c.at.position).norm() >= birth_tuning.same_radii * target_.radius_m)
+          (better.at.position - c.at.position).norm() >= sighting_tuning.same_object_radii * target_.radius_m)
         continue;
       if (better.evidence - c.evidence < birth_tuning.ambiguity &&
           (better.at.position - c.at.position).norm() > target_.radius_m)

@@ -17,14 +17,9 @@ namespace {
 
 struct RegionAssignmentTuning {
   double max_disc_share = 1.4;    // of the disc's area, of a region that is one object alone
-  double part_radii = 1.3;        // radii from a region's centre in which another one is a part of the object
-  double miss_cost = 60;          // of an object without a region: above that of any region in the gate
-  double cost_offset = 20;        // keeps the log-likelihood costs positive
-  double max_cost_share = 0.9;    // of miss_cost, upper bound of a region's cost
   double min_outline = 0.15;      // share of the outline that must be seen
   double max_passed = 0.25;       // share across which the colour goes on: a ball of its size that touches passes 0.1
   double support_per_seen = 1.5;  // support of an outline over its visible share
-  double near_radii = 3;          // radii, in addition
   double whole_variance = 3;      // times the usual variance up to which a region has a disc's shape
 };
 constexpr RegionAssignmentTuning assignment_tuning{};
@@ -91,27 +86,33 @@ void RegionAssociation::assign(const TargetView& view, std::span<const color::Co
       const double share = regions[r].area / disc_area(e.at.radius_px);
       if (share < sighting_tuning.min_disc_share ||
           (regions[r].centre - e.at.px).norm() > 2 * sighting_tuning.prediction_sigmas * sigma_px(e.covariance) +
-                                                     assignment_tuning.near_radii * e.at.radius_px)
+                                                     sighting_tuning.extent_radii * e.at.radius_px)
         continue;
       const Sighting s = sighting_of(view, regions[r], e.at.radius_px, pixel_noise_px_, e.motion);
       const double d2 = d2_of(s, e);
       if (d2 > sighting_tuning.gate_nis) continue;
       costs(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(r)) =
-          std::min(assignment_tuning.max_cost_share * assignment_tuning.miss_cost,
-                   std::max(0.0, assignment_tuning.cost_offset + d2 + std::log(s.covariance.determinant()) -
-                                     2 * std::log(s.support)));
+          d2 + std::log(s.covariance.determinant()) - 2 * std::log(s.support);
     }
   }
+  // From 0; an object without a region costs more than any assignment of all others.
+  const auto finite = [](double cost) { return std::isfinite(cost); };
+  const double least = costs.size() > 0 ? costs.minCoeff() : 0;
+  if (finite(least)) costs.array() -= least;
+  double most = 0;
+  for (const double cost : costs.reshaped())
+    if (finite(cost)) most = std::max(most, cost);
+  const double miss_cost = static_cast<double>(n) * most + 1;
   bool is_shared = false;
   std::vector<char> is_taken(regions.size(), 0);
   for (std::size_t i = 0; i < expected.size() && m > 0; ++i) {
     Eigen::Index best = 0;
-    if (!(costs.row(static_cast<Eigen::Index>(i)).minCoeff(&best) < assignment_tuning.miss_cost)) continue;
+    if (!std::isfinite(costs.row(static_cast<Eigen::Index>(i)).minCoeff(&best))) continue;
     region_of[i] = int(best);
     is_shared = is_shared || is_taken[std::size_t(best)] != 0;
     is_taken[std::size_t(best)] = 1;
   }
-  if (is_shared) region_of = assignment_of(costs, assignment_tuning.miss_cost);
+  if (is_shared) region_of = assignment_of(costs, miss_cost);
   for (const int r : region_of) {
     if (r >= 0) out.is_explained[std::size_t(r)] = 1;
   }
@@ -143,7 +144,7 @@ Sighting RegionAssociation::by_region(const TargetView& view, std::span<const co
   color::ColorRegion region = regions[which];
   for (std::size_t r = 0; r < regions.size(); ++r) {
     if (out.is_explained[r] != 0 ||
-        (regions[r].centre - region.centre).norm() > assignment_tuning.part_radii * expected.at.radius_px ||
+        (regions[r].centre - region.centre).norm() > sighting_tuning.part_radii * expected.at.radius_px ||
         region.area + regions[r].area > assignment_tuning.max_disc_share * disc_area(expected.at.radius_px))
       continue;
     region = joined(region, regions[r]);
@@ -210,7 +211,7 @@ AssociatedSightings RegionAssociation::associate(const TargetView& view, std::sp
       const Eigen::Vector2d& px = out.of_objects[i]->px;
       const Eigen::Vector2d nearest(std::clamp(px.x(), regions[r].box.u_min - 0.5, regions[r].box.u_max + 0.5),
                                     std::clamp(px.y(), regions[r].box.v_min - 0.5, regions[r].box.v_max + 0.5));
-      const bool is_near = (regions[r].centre - px).norm() < assignment_tuning.part_radii * expected[i].at.radius_px;
+      const bool is_near = (regions[r].centre - px).norm() < sighting_tuning.part_radii * expected[i].at.radius_px;
       const bool is_around = (nearest - px).norm() < 0.5 * expected[i].at.radius_px;
       if (is_near || is_around) out.is_explained[r] = 1;
     }

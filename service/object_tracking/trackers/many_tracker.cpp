@@ -1,4 +1,5 @@
 #include "object_tracking/trackers/many_tracker.h"
+#include "calib/model/covariance_ellipse.h"
 
 #include <Eigen/LU>
 #include <algorithm>
@@ -17,7 +18,6 @@ using namespace objects;
 namespace {
 
 struct ManyTrackerTuning {
-  double take_up_gate = 14.2;         // chi-square, 3 dof, 99.7 %: a detection near a coasting track continues it
   double one_object_diameters = 0.6;  // nearer centres are one object; two that touch are one diameter apart
   double elsewhere_radii = 6;         // a region this near may be the object in a camera that was turned (experiment)
   double apart_radii = 2;             // of both discs: further apart, no region is of two objects
@@ -304,7 +304,7 @@ void ManyTracker::note_births(const capture::FrameSet& set, const std::vector<Ta
     if (continue_track(birth, views, set.at)) continue;
     const bool is_taken = std::ranges::any_of(objects_, [&](const auto& o) {
       return o->state != TrackState::lost && (o->filter.motion().position_at(set.at) - birth.now.position).norm() <
-                                                 object_gates.same_object_radii * target_.radius_m;
+                                                 sighting_tuning.same_object_radii * target_.radius_m;
     });
     if (is_taken || std::ssize(objects_) >= 2 * TargetOptions::most_count) continue;
     auto fresh = std::make_unique<Object>(rig_, target_.radius_m, options_,
@@ -320,7 +320,7 @@ void ManyTracker::note_births(const capture::FrameSet& set, const std::vector<Ta
 // caught: it may be wherever its speed, changed by as much, takes it.
 bool ManyTracker::continue_track(const Birth& birth, const std::vector<TargetView>& views, capture::Timestamp set_at) {
   Object* best = nullptr;
-  double best_d2 = many_tracker.take_up_gate;
+  double best_d2 = calib::chi2_999_in_3d;
   const double first_seen_s = (birth.now.sets + 0.5) * birth.dt;  // ago, up to the set before
   for (const auto& object : objects_) {
     if (object->state != TrackState::coasting || object->sightings.size() >= 2) continue;

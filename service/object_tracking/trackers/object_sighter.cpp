@@ -14,10 +14,9 @@ namespace {
 
 struct ObjectSighterTuning {
   double contradicting_px2 = 1;  // inflation of a view above which no outline is fitted; far above shading
-  double widest_radii = 2;   // half width of the narrow axis of a region; the taught radius and the range are unsure
-  double near_radii = 1.5;   // nearly all of the object lies within this of its centre
-  double far_radii = 2;      // a region that the near box cuts is searched as far as this
-  double parts_radii = 1.3;  // parts of one object are nearer to one another (experiment)
+  double widest_radii = 2;  // half width of the narrow axis of a region; the taught radius and the range are unsure
+  double near_radii = 1.5;  // nearly all of the object lies within this of its centre
+  double far_radii = 2;     // a region that the near box cuts is searched as far as this
 };
 constexpr ObjectSighterTuning sighter{};
 
@@ -91,7 +90,7 @@ std::span<const color::ColorRegion> ObjectSighter::regions_near(const TargetView
     near_.clear();
     bool is_cut = false;
     for (const color::ColorRegion& region : finders_[static_cast<std::size_t>(view.index)].find(
-             *view.matches, box, min_area, sighter.parts_radii * at.radius_px)) {
+             *view.matches, box, min_area, sighting_tuning.part_radii * at.radius_px)) {
       if (goes_on(region, box, *view.matches))
         is_cut = true;
       else if (!is_wider_than_object(region, at.radius_px))

@@ -17,11 +17,6 @@
 
 namespace huetrack::object_trackers {
 
-struct ObjectGateTuning {
-  double same_object_radii = 1.5;  // a detection nearer than this to a track is the track's object (experiment)
-};
-inline constexpr ObjectGateTuning object_gates{};
-
 // Covariance of the predicted image position, px^2: the state's, and twice the configured acceleration, whatever the
 // filter has learnt, so that a throw stays inside of the gate.
 Eigen::Matrix2d predicted_spread(const object_tracking::TargetView& view, const object_tracking::ExpectedView& expected,

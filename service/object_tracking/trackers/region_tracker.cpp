@@ -193,7 +193,7 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
   }
   // The detection is the track that is not confirmed yet.
   if (is_shared && state_ == TrackState::coasting && sightings_.size() >= 2 &&
-      (find->now.position - filter_.motion().position()).norm() < object_gates.same_object_radii * target_.radius_m)
+      (find->now.position - filter_.motion().position()).norm() < sighting_tuning.same_object_radii * target_.radius_m)
     return;
   ObjectExistence found;
   found.assume();
