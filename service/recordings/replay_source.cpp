@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "calib/files/config_error.h"
+#include "calib/files/csv_table.h"
 #include "calib/files/nearest_word.h"
 #include "capture/timing/camera_clock.h"
 #include "recordings/matches_reader.h"
@@ -71,6 +72,7 @@ class Stream {
                          : camera_.fps > 0 ? capture::duration_of(static_cast<double>(camera_.every) / camera_.fps)
                          : reader_         ? camera_.every * reader_->frame_period()
                                            : capture::Duration::zero();
+    require_a_fitting_unit();
     if (!camera_.timestamps.empty())
       info_.expected_frames = selection_.count_below(camera_.timestamps.back().first + 1);
     else if (const auto count = reader_ ? reader_->frame_count() : std::nullopt)
@@ -245,7 +247,8 @@ class Stream {
     if (!camera_.timestamps.empty()) return camera_.timestamps[row_of(picture.index)].second + camera_.offset;
     if (camera_.fps > 0) {
       if (picture.stamp) {
-        warn_of_rate();
+        if (!first_stamp_) first_stamp_ = {picture.index, *picture.stamp};
+        warn_of_rate(picture);
         warn_of_gap(picture);
       }
       // rounded once, from the exact time
@@ -257,12 +260,42 @@ class Stream {
     return std::nullopt;
   }
 
+  // Listed times in another unit than their column's name says: a thousand times, or a thousandth of, the frame period
+  // of the file itself.
+  void require_a_fitting_unit() const {
+    const double listed_s = capture::seconds(info_.frame_period);
+    const double stored_s =
+        reader_ ? static_cast<double>(camera_.every) * capture::seconds(reader_->frame_period()) : 0;
+    if (camera_.timestamps.empty() || !(listed_s > 0) || !(stored_s > 0)) return;
+    constexpr double most_beside =
+        0.15;  // of a factor 1000, as an exponent: a camera may be 3 times slower than the file
+    const double thousands = std::log(listed_s / stored_s) / std::log(1000.0);
+    const auto unit = static_cast<long>(camera_.times_unit) + std::lround(thousands);
+    if (std::lround(thousands) == 0 || std::abs(thousands - std::round(thousands)) > most_beside || unit < 0 ||
+        unit >= static_cast<long>(files::time_units.size()))
+      return;
+    const auto fits = static_cast<std::size_t>(unit);
+    throw files::ConfigError(
+        camera_.times_file, 0,
+        fmt::format(
+            "its times are {:.4g} s apart, if they are {}, but the frames of {} are {:.4g} s apart: they look like "
+            "{}: name the column t_{}",
+            listed_s, files::time_unit_names[camera_.times_unit], camera_.frames.string(), stored_s,
+            files::time_unit_names[fits], files::time_units[fits]));
+  }
+
   // A typed fps is wrong more often than a file's; but it may be intended, for slow motion.
-  void warn_of_rate() {
-    if (std::exchange(knows_rate_, true) || !reader_ || reader_->frame_count().value_or(1) < 2)
-      return;  // a still has none
-    const double period_s = capture::seconds(reader_->frame_period());
-    if (!(period_s > 0) || std::abs(camera_.fps * period_s - 1) < 0.02) return;
+  void warn_of_rate(const VideoReader::Shown& picture) {
+    constexpr std::int64_t enough = 4;  // frames
+    const auto count = picture.index - first_stamp_->first;
+    if (!reader_ || count < enough || std::exchange(knows_rate_, true)) return;
+    // Some headers count empty chunks, and stamps may have a gap: both must contradict.
+    const double period_s = capture::seconds(*picture.stamp - first_stamp_->second) / static_cast<double>(count);
+    const auto contradicts = [&](double s) {
+      constexpr double slack = 0.02;  // 29.97 is 30
+      return s > 0 && std::abs(camera_.fps * s - 1) >= slack;
+    };
+    if (!contradicts(period_s) || !contradicts(capture::seconds(reader_->frame_period()))) return;
     warn(fmt::format("fps says {:g}, the file itself {:.4g} frames a second: if the file is right, leave fps out",
                      camera_.fps, 1 / period_s));
   }
@@ -271,7 +304,6 @@ class Stream {
   void warn_of_gap(const VideoReader::Shown& picture) {
     const capture::Duration period = capture::duration_of(1 / camera_.fps);
     if (warned_of_gap_ || !reader_) return;
-    if (!first_stamp_) first_stamp_ = {picture.index, *picture.stamp};
     const capture::Duration by_stamps = *picture.stamp - first_stamp_->second;
     const capture::Duration gap = by_stamps - (picture.index - first_stamp_->first) * period;
     if (std::chrono::abs(reader_->frame_period() - period) > period / 50 || gap < period * 9 / 10 ||

@@ -9,6 +9,7 @@
 
 #include "calib/files/config_error.h"
 #include "calib/files/file_order.h"
+#include "calib/files/number_text.h"
 #include "capture/ffmpeg/ffmpeg_log.h"
 #include "capture/ffmpeg/ffmpeg_objects.h"
 #include "capture/ffmpeg/ffmpeg_picture.h"
@@ -86,6 +87,28 @@ std::vector<ImageFile> files_of_glob(const std::filesystem::path& pattern) {
   for (auto& path : files::files_of_glob(pattern.string()))
     files.push_back({.number = static_cast<std::int64_t>(files.size()), .path = std::move(path)});
   return files;
+}
+
+// A glob counts files, so a missing one shifts the times of all that follow. The first file after a gap in numbers that
+// otherwise go up by one; nullptr: none.
+const ImageFile* after_a_gap(const std::vector<ImageFile>& files) {
+  constexpr std::string_view digits = "0123456789";
+  const ImageFile* after = nullptr;
+  std::size_t gaps = 0;
+  std::optional<std::int64_t> before;
+  for (const ImageFile& file : files) {
+    const std::string name = file.path.stem().string();
+    const std::size_t last = name.find_last_of(digits);
+    if (last == std::string::npos) return nullptr;
+    const std::size_t above = name.find_last_not_of(digits, last);
+    const std::size_t first = above == std::string::npos ? 0 : above + 1;
+    const auto number = files::number_of<std::int64_t>(name.substr(first, last + 1 - first));
+    if (!number || (before && *number <= *before)) return nullptr;
+    if (before && *number != *before + 1 && ++gaps == 1) after = &file;
+    before = number;
+  }
+  constexpr std::size_t one_in = 5;  // more gaps: numbered in steps
+  return gaps * one_in < files.size() ? after : nullptr;
 }
 
 // Empty: `frames` is one file.
@@ -182,6 +205,10 @@ struct VideoReader::Impl {
       if (is_avi) order.count_packets();
       count_listed_packets(container);
     }
+    const bool is_glob = camera.frames.filename().string().find('%') == std::string::npos;
+    if (const ImageFile* after = is_glob ? after_a_gap(images) : nullptr)
+      warnings.push_back(camera.frames.string() + ": numbers are missing before " + after->path.filename().string() +
+                         ": a glob counts files; if pictures are missing there, give a pattern, like img%d.jpg");
     damaged = log.container_count() > 0;  // while finding the streams
     log.take();
     note_layout();
@@ -511,7 +538,10 @@ struct VideoReader::Impl {
   }
 
   bool ends_early() const {
-    if (listed_packets > 0) return std::max(index, packets) < listed_packets;
+    if (listed_packets > 0) {
+      const auto empty = is_avi ? std::llround(step().value_or(1)) - 1 : 0;  // chunks after every frame, in some AVI
+      return std::max(index, packets + empty) < listed_packets;
+    }
     const auto ticks = step();
     if (!last_pts || !ticks || format->nb_streams != 1 || format->duration <= 0 ||
         format->duration_estimation_method == AVFMT_DURATION_FROM_BITRATE)
