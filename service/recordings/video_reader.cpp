@@ -539,7 +539,8 @@ struct VideoReader::Impl {
 
   bool ends_early() const {
     if (listed_packets > 0) {
-      const auto empty = is_avi ? std::llround(step().value_or(1)) - 1 : 0;  // chunks after every frame, in some AVI
+      const std::int64_t empty =
+          is_avi ? std::llround(step().value_or(1)) - 1 : 0;  // chunks after every frame, in some AVI
       return std::max(index, packets + empty) < listed_packets;
     }
     const auto ticks = step();
