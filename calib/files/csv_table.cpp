@@ -3,8 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
+#include <iterator>
 
 #include "calib/files/config_error.h"
+#include "calib/files/nearest_word.h"
 #include "calib/files/number_text.h"
 #include "calib/files/text_file.h"
 
@@ -18,11 +21,18 @@ std::string_view without_blanks(std::string_view text) {
   return text;
 }
 
+std::string_view without_quotes(std::string_view field) {
+  const bool is_quoted = field.size() >= 2 && field.front() == '"' && field.back() == '"';
+  return is_quoted ? field.substr(1, field.size() - 2) : field;
+}
+
+// separator ' ': any number of blanks.
 std::vector<std::string_view> split(std::string_view text, char separator) {
   std::vector<std::string_view> parts;
   for (;;) {
-    const auto end = text.find(separator);
-    parts.push_back(without_blanks(text.substr(0, end)));
+    if (separator == ' ') text = without_blanks(text);
+    const auto end = separator == ' ' ? text.find_first_of(" \t") : text.find(separator);
+    parts.push_back(without_quotes(without_blanks(text.substr(0, end))));
     if (end == std::string_view::npos) return parts;
     text.remove_prefix(end + 1);
   }
@@ -30,28 +40,64 @@ std::vector<std::string_view> split(std::string_view text, char separator) {
 
 }  // namespace
 
+std::optional<std::size_t> time_unit_of(std::string_view header) {
+  static constexpr std::string_view names[] = {"t", "time", "timestamp"}, between = " _([";
+  std::string name = to_lower_ascii(header);
+  while (name.ends_with(')') || name.ends_with(']')) name.pop_back();
+  const std::size_t base = std::min(name.find_first_of(between), name.size());
+  if (std::ranges::find(names, name.substr(0, base)) == std::end(names)) return std::nullopt;
+  if (base == name.size()) return 0;
+  const std::string unit = name.substr(std::min(name.find_first_not_of(between, base), name.size()));
+  const auto known = std::ranges::find(time_units, unit);
+  return known == time_units.end() ? std::nullopt : std::optional(std::size_t(known - time_units.begin()));
+}
+
 CsvTable::CsvTable(std::filesystem::path file, std::span<const std::string_view> columns)
     : file_(std::move(file)), stream_(open_text_file(file_)), buffer_(longest_line + 1) {
-  if (!read_line()) throw ConfigError(file_, 0, "is empty: a header line is needed");
-  require_plain_line();
-  if (constexpr std::string_view mark = "\xEF\xBB\xBF"; cells_.front().starts_with(mark))
-    cells_.front().remove_prefix(mark.size());
-  header_cells_ = cells_.size();
+  read_header();
   for (std::string_view asked : columns) {
     const bool may_be_missing = asked.ends_with('?');
     if (may_be_missing) asked.remove_suffix(1);
     const std::vector<std::string_view> names = split(asked, '|');
     Column& column = columns_.emplace_back(Column{std::string(names.front()), {}});
-    const auto known = std::ranges::find_if(
-        names, [&](std::string_view name) { return std::ranges::find(cells_, name) != cells_.end(); });
-    if (known != names.end()) {
-      column.name = *known;
-      column.cell = static_cast<std::size_t>(std::ranges::find(cells_, *known) - cells_.begin());
+    for (const std::string_view name : names) {
+      const auto cell = std::ranges::find_if(cells_, [&](std::string_view header) {
+        return name == "@time" ? time_unit_of(header).has_value() : header == name;
+      });
+      if (cell == cells_.end()) continue;
+      column.name = *cell;
+      column.cell = static_cast<std::size_t>(cell - cells_.begin());
       needed_cells_ = std::max(needed_cells_, *column.cell + 1);
-    } else if (!may_be_missing) {
-      fail(fmt::format("the header has no column {}", fmt::join(names, " or ")));
+      break;
     }
+    if (column.cell || may_be_missing) continue;
+    fail(fmt::format("the header has no column {}: it has {}",
+                     fmt::join(split(asked.substr(0, asked.find("|@")), '|'), " or "),
+                     printable(fmt::format("{}", fmt::join(cells_, ", ")), 200)));
   }
+}
+
+void CsvTable::read_header() {
+  if (!read_line()) throw ConfigError(file_, 0, "is empty: a header line is needed");
+  if (line_.starts_with("\xFF\xFE") || line_.starts_with("\xFE\xFF")) fail("is UTF-16: save it as CSV in UTF-8");
+  require_plain_line();
+  constexpr std::string_view mark = "\xEF\xBB\xBF", names_separator = "sep=";
+  if (line_.starts_with(mark)) line_.remove_prefix(mark.size());
+  const bool is_named = line_.starts_with(names_separator) && line_.size() == names_separator.size() + 1;
+  if (is_named) {
+    separator_ = line_.back();
+    if (!read_line()) fail("is empty: a header line is needed");
+    require_plain_line();
+  } else {
+    for (const char separator : {',', ';', '\t', ' '})
+      if (line_.find(separator) != std::string_view::npos) {
+        separator_ = separator;
+        break;
+      }
+  }
+  if (line_.starts_with('#')) line_.remove_prefix(1);
+  cells_ = split(line_, separator_);
+  header_cells_ = cells_.size();
 }
 
 bool CsvTable::read_line() {
@@ -64,7 +110,7 @@ bool CsvTable::read_line() {
     fail("is longer than " + std::to_string(longest_line >> 10U) + " KiB: this is not a huetrack table");
   line_ = {buffer_.data(), stream_.eof() ? count : count - 1};
   while (line_.ends_with('\r')) line_.remove_suffix(1);
-  cells_ = split(line_, ',');
+  cells_ = split(line_, separator_);
   return true;
 }
 
@@ -97,27 +143,42 @@ std::string CsvTable::quoted(std::size_t column) const {
   return '"' + printable(text(column)) + '"';
 }
 
+// Where commas separate fields, none is a decimal comma.
+std::string CsvTable::with_point(std::size_t column) const {
+  std::string number(text(column));
+  if (separator_ != ',' && std::ranges::count(number, ',') == 1) number[number.find(',')] = '.';
+  return number;
+}
+
 double CsvTable::number(std::size_t column) const {
-  const auto value = number_of<double>(text(column));
+  const auto value = number_of<double>(with_point(column));
   if (!value) fail(columns_[column].name + " must be a number, got " + quoted(column));
   return *value;
 }
 
+std::optional<std::int64_t> CsvTable::whole_number(std::size_t column) const {
+  if (const auto value = number_of<std::int64_t>(text(column))) return value;
+  const auto real = number_of<double>(with_point(column));
+  constexpr double exact = 0x1p53;  // doubles beyond skip whole numbers
+  if (!real || *real != std::trunc(*real) || std::abs(*real) > exact) return std::nullopt;
+  return static_cast<std::int64_t>(*real);
+}
+
 std::chrono::sys_time<std::chrono::nanoseconds> CsvTable::time(std::size_t column) const {
+  constexpr long double longest_s = 9e9L;  // in 64 bits of nanoseconds
+  const std::size_t unit = time_unit_of(columns_[column].name).value_or(0);
+  const long double per_second = std::pow(1000.0L, static_cast<long double>(unit));
   // A double cannot hold seconds since 1970 with nanoseconds.
-  std::string_view rest = text(column);
-  const bool negative = rest.starts_with('-');
-  if (negative) rest.remove_prefix(1);
-  const auto point = std::min(rest.find('.'), rest.size());
-  const auto whole = number_of<std::int64_t>(rest.substr(0, point));
-  std::string digits(point < rest.size() ? rest.substr(point + 1, 9) : std::string_view());
-  digits.resize(9, '0');
-  const auto fraction = number_of<std::int64_t>(digits);
-  if (!whole || *whole < 0 || *whole > 9'000'000'000 || !fraction || *fraction < 0) {
-    fail(columns_[column].name + " must be a time in seconds, got " + quoted(column));
-  }
-  const std::chrono::nanoseconds since_zero = std::chrono::seconds(*whole) + std::chrono::nanoseconds(*fraction);
-  return std::chrono::sys_time<std::chrono::nanoseconds>(negative ? -since_zero : since_zero);
+  const auto value = number_of<long double>(with_point(column));
+  if (value && std::fabs(*value / per_second) <= longest_s)
+    return std::chrono::sys_time<std::chrono::nanoseconds>(
+        std::chrono::nanoseconds(std::llround(*value * (1e9L / per_second))));
+  std::string hint;
+  for (std::size_t finer = unit + 1; value && finer < time_units.size(); ++finer)
+    if (hint.empty() && std::fabs(*value) / std::pow(1000.0L, static_cast<long double>(finer)) <= longest_s)
+      hint = fmt::format(": if these are {}, name the column t_{}", time_unit_names[finer], time_units[finer]);
+  fail(fmt::format("{} must be a time in {}, got {}{}", columns_[column].name, time_unit_names[unit], quoted(column),
+                   hint));
 }
 
 void CsvTable::fail(const std::string& message) const {

@@ -1,8 +1,13 @@
-// Reader of CSV files with a header line; columns are found by name. Fields are numbers and plain words: no quoting.
-// Empty lines, blanks around a field and a byte order mark are ignored. Size limits: text_file.h.
+// Reader of CSV files with a header line; columns are found by name. Fields are numbers and plain words. As
+// spreadsheets and programs write them: separated by commas, semicolons, tabs or blanks (by the header); where not by
+// commas, a number may have a decimal comma; a field may be in quotes, which enclose no separator; a header may begin
+// with # (numpy) and follow a line like sep=; (Excel). Empty lines, blanks around a field and a byte order mark are
+// ignored. Size limits: text_file.h.
 #pragma once
 
+#include <array>
 #include <chrono>
+#include <cstdint>
 #include <filesystem>
 #include <fstream>
 #include <optional>
@@ -13,11 +18,20 @@
 
 namespace huetrack::files {
 
+// Units of times, as suffixes of names, each a thousandth of the one before.
+inline constexpr std::array<std::string_view, 4> time_units{"s", "ms", "us", "ns"};
+inline constexpr std::array<std::string_view, 4> time_unit_names{"seconds", "milliseconds", "microseconds",
+                                                                 "nanoseconds"};
+
+// Index of the unit of a column like t, t_s, time_ms, "Timestamp [us]"; nullopt: not the name of a time.
+std::optional<std::size_t> time_unit_of(std::string_view header);
+
 // thread-compatible.
 class CsvTable {
  public:
   // columns: header names to read; others are ignored. "target|ball" matches the first of these names that exists;
-  // "arrival?" is optional. throws ConfigError: unreadable, empty, or a column is missing.
+  // "arrival?" is optional; "@time" is any name of a time (time_unit_of()). throws ConfigError: unreadable, empty, or a
+  // column is missing.
   CsvTable(std::filesystem::path file, std::span<const std::string_view> columns);
 
   bool has(std::size_t column) const { return columns_[column].cell.has_value(); }
@@ -35,9 +49,10 @@ class CsvTable {
   int line() const { return line_number_; }  // of the current row, from 1
   // Fields of the current row. column: index into the constructor's list; the file must have it. throws ConfigError.
   std::string_view text(std::size_t column) const;
-  std::string quoted(std::size_t column) const;  // printable, in quotes, for a message
-  double number(std::size_t column) const;       // nan and inf are accepted
-  // Decimal seconds, exact to the nanosecond; further digits are dropped.
+  std::string quoted(std::size_t column) const;                        // printable, in quotes, for a message
+  double number(std::size_t column) const;                             // nan and inf are accepted
+  std::optional<std::int64_t> whole_number(std::size_t column) const;  // 12, or 1.2e+01; nullopt: it is none
+  // In the unit of the column's name, else seconds; exact to the nanosecond. At most some 285 years from zero.
   std::chrono::sys_time<std::chrono::nanoseconds> time(std::size_t column) const;
   [[noreturn]] void fail(const std::string& message) const;
 
@@ -47,6 +62,8 @@ class CsvTable {
     std::optional<std::size_t> cell;  // index in a row; nullopt: not in the header
   };
   bool read_line();  // into cells_; false at the end
+  void read_header();
+  std::string with_point(std::size_t column) const;
   void require_plain_line() const;
 
   std::filesystem::path file_;
@@ -56,6 +73,7 @@ class CsvTable {
   std::vector<char> buffer_;             // of one line
   std::string_view line_;                // into buffer_
   std::vector<std::string_view> cells_;  // of line_
+  char separator_ = ',';
   int line_number_ = 0;
   std::size_t header_cells_ = 0;
   bool skips_truncated_row_ = false;

@@ -19,6 +19,15 @@ std::optional<Number> number_of(std::string_view text) {
   return error == std::errc{} && end == text.data() + text.size() ? std::optional(value) : std::nullopt;
 }
 
+// A number, or a ratio of two as programs write frame rates (30000/1001); a leading + is accepted.
+inline std::optional<double> ratio_of(std::string_view text) {
+  if (text.starts_with('+') && !text.starts_with("+-")) text.remove_prefix(1);
+  const auto slash = text.find('/');
+  if (slash == std::string_view::npos) return number_of<double>(text);
+  const auto above = number_of<double>(text.substr(0, slash)), below = number_of<double>(text.substr(slash + 1));
+  return above && below && *below > 0 ? std::optional(*above / *below) : std::nullopt;
+}
+
 // The shortest text that parses to the same double.
 inline void append_shortest(std::string& out, double value) {
   std::array<char, 32> buffer;

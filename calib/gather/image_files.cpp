@@ -1,15 +1,15 @@
 #include "calib/gather/image_files.h"
 
-#include <glob.h>
-
 #include <algorithm>
 #include <array>
 #include <cctype>
+#include <iterator>
 #include <map>
 #include <optional>
 #include <set>
 #include <string>
 
+#include "calib/files/file_order.h"
 #include "calib/gather/picture_source.h"
 
 namespace huetrack::gather {
@@ -25,33 +25,6 @@ std::string lower_extension(const fs::path& file) {
 
 bool is_digit(char c) {
   return c >= '0' && c <= '9';
-}
-
-// Natural order: digits compare as numbers.
-bool natural_less(const std::string& a, const std::string& b) {
-  std::size_t i = 0, j = 0;
-  while (i < a.size() && j < b.size()) {
-    if (is_digit(a[i]) && is_digit(b[j])) {
-      const auto run = [](const std::string& text, std::size_t from) {
-        while (from + 1 < text.size() && text[from] == '0' && is_digit(text[from + 1])) ++from;
-        std::size_t end = from;
-        while (end < text.size() && is_digit(text[end])) ++end;
-        return std::pair(text.substr(from, end - from), end);
-      };
-      const auto [x, x_end] = run(a, i);
-      const auto [y, y_end] = run(b, j);
-      if (x.size() != y.size()) return x.size() < y.size();
-      if (x != y) return x < y;
-      i = x_end;
-      j = y_end;
-    } else if (a[i] != b[j]) {
-      return a[i] < b[j];
-    } else {
-      ++i;
-      ++j;
-    }
-  }
-  return a.size() - i != b.size() - j ? a.size() - i < b.size() - j : a < b;
 }
 
 std::optional<long> last_number(const fs::path& file) {
@@ -104,16 +77,10 @@ std::vector<fs::path> image_files(const fs::path& given) {
   } else if (fs::exists(given, error)) {
     if (is_image_file(given)) files.push_back(given);
   } else if (text.find_first_of("*?[") != std::string::npos || text.find('%') != std::string::npos) {
-    glob_t found{};
-    if (::glob(as_glob(text).c_str(), 0, nullptr, &found) == 0) {
-      for (std::size_t i = 0; i < found.gl_pathc; ++i) {
-        const fs::path file = found.gl_pathv[i];
-        if (is_image_file(file)) files.push_back(file);
-      }
-    }
-    ::globfree(&found);
+    std::ranges::copy_if(files::files_of_glob(as_glob(text)), std::back_inserter(files), is_image_file);
   }
-  std::ranges::sort(files, [](const fs::path& a, const fs::path& b) { return natural_less(a.string(), b.string()); });
+  std::ranges::sort(files,
+                    [](const fs::path& a, const fs::path& b) { return files::numbers_ascend(a.native(), b.native()); });
   return files;
 }
 

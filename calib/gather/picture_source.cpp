@@ -13,6 +13,7 @@
 #include "calib/files/text_file.h"
 #include "calib/gather/image_files.h"
 #include "capture/frames/jpeg_decoder.h"
+#include "capture/frames/picture_layout.h"
 #include "capture/timing/frame_synchronizer.h"
 #include "recordings/recording.h"
 #include "recordings/replay_source.h"
@@ -24,20 +25,25 @@ namespace fs = std::filesystem;
 
 constexpr std::size_t largest_image = 256U << 20;  // capacity: bytes of an image file
 
-// throws files::ConfigError with the file's name, which OpenCV's messages lack.
-cv::Mat read_grey(const fs::path& file) {
+// As players show it: turned by a JPEG's own tag (is_turned, then true). throws files::ConfigError with the file's
+// name, which OpenCV's messages lack.
+cv::Mat read_grey(const fs::path& file, bool& is_turned) {
   const std::string bytes = files::read_text_file(file, largest_image);
-  if (bytes.starts_with(
-          "\xFF\xD8")) {  // OpenCV repairs a damaged JPEG, and corners would be detected in invented content
+  const bool is_jpeg = bytes.starts_with("\xFF\xD8");
+  if (is_jpeg) {  // OpenCV repairs a damaged JPEG, and corners would be detected in invented content
     capture::JpegDecoder decoder;
-    const auto jpeg = decoder.decode({reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()});
-    if (jpeg.image) return board_grey_of(*jpeg.image).clone();
+    const std::span encoded(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size());
+    const auto jpeg = decoder.decode(encoded);
+    const auto orientation = capture::exif_orientation(encoded).value_or(capture::Orientation{});
+    is_turned = is_turned || !orientation.is_upright();
+    if (jpeg.image) return board_grey_of(capture::turned(*jpeg.image, orientation)).clone();
     if (!jpeg.is_unsupported) throw files::ConfigError(file, 0, "is a damaged JPEG: " + jpeg.problem);
   }
   cv::Mat grey;
   try {
     const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8U, const_cast<char*>(bytes.data()));
-    if (!bytes.empty()) grey = cv::imdecode(encoded, cv::IMREAD_GRAYSCALE | cv::IMREAD_IGNORE_ORIENTATION);
+    if (!bytes.empty())
+      grey = cv::imdecode(encoded, cv::IMREAD_GRAYSCALE | (is_jpeg ? 0 : cv::IMREAD_IGNORE_ORIENTATION));
   } catch (const cv::Exception& error) {  // more pixels than OpenCV takes, for example
     throw files::ConfigError(file, 0,
                              "is not an image that can be read (OpenCV: " + files::printable(error.err, 200) + ")");
@@ -65,7 +71,12 @@ class ImageFilePictures final : public PictureSource {
       set.pictures.emplace_back();
       if (!file) continue;
       try {
-        set.pictures.back() = {read_grey(*file), file->filename().string(), {}};
+        bool is_turned = false;
+        set.pictures.back() = {read_grey(*file, is_turned), file->filename().string(), {}};
+        if (is_turned && !std::exchange(has_noted_turn_, true))
+          warnings_.push_back(
+              file->string() +
+              ": is tagged to be shown turned or mirrored (EXIF): such pictures are, as in every viewer");
       } catch (const files::ConfigError& error) {
         warnings_.push_back(std::string(error.what()) + ": omitted");
       }
@@ -79,6 +90,7 @@ class ImageFilePictures final : public PictureSource {
   std::vector<ImageSet> sets_;
   std::size_t at_ = 0;
   std::vector<std::string> warnings_;
+  bool has_noted_turn_ = false;
 };
 
 recordings::Recording with_cameras(recordings::Recording recording, const std::vector<std::string>& names) {

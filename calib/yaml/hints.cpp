@@ -191,8 +191,7 @@ SyntaxHint odd_indentation(const std::vector<std::string_view>& lines, int line)
 }  // namespace
 
 std::optional<double> parse_number(std::string_view text) {
-  if (text.starts_with('+') && !text.starts_with("+-")) text.remove_prefix(1);
-  const auto value = files::number_of<double>(text);
+  const auto value = files::ratio_of(text);
   return value && std::isfinite(*value) ? value : std::nullopt;
 }
 

@@ -12,6 +12,7 @@
 #include "capture/ffmpeg/ffmpeg_log.h"
 #include "capture/ffmpeg/ffmpeg_objects.h"
 #include "capture/ffmpeg/ffmpeg_picture.h"
+#include "capture/ffmpeg/stream_decoder.h"
 #include "capture/frames/jpeg_decoder.h"
 #include "capture/timing/camera_clock.h"
 #include "capture/timing/capture_clock.h"
@@ -25,7 +26,6 @@ using namespace std::chrono_literals;
 constexpr std::array<std::string_view, 7> schemes{"rtsp", "rtsps", "http", "https", "tcp", "udp", "rtp"};
 // Protocols that a stream may open: a play list must not read this host's files.
 constexpr const char* protocols = "rtsp,rtsps,rtp,rtcp,udp,tcp,tls,http,https,httpproxy";
-constexpr std::int64_t most_network_pixels = 1 << 26;  // per picture: a damaged header must not cost gigabytes
 // Bytes per allocation of FFmpeg: room for a plane of such a picture with its edges. An RTSP header may announce two
 // gigabytes.
 constexpr std::size_t most_bytes_per_allocation = 80 << 20;
@@ -128,19 +128,13 @@ struct NetworkSource::Impl {
     format.reset(opened);
     asking = opened;
     const int found = avformat_find_stream_info(format.get(), nullptr);
-    const AVCodec* decoder = nullptr;
-    const int best = found < 0 ? found : av_find_best_stream(format.get(), AVMEDIA_TYPE_VIDEO, -1, -1, &decoder, 0);
-    if (best < 0 || decoder == nullptr)
+    const AVCodec* codec = nullptr;
+    const int best = found < 0 ? found : av_find_best_stream(format.get(), AVMEDIA_TYPE_VIDEO, -1, -1, &codec, 0);
+    if (best < 0 || codec == nullptr)
       return found == AVERROR_EXIT || sends_too_much() ? reason_for_end("no picture comes") : "it has no video stream";
     stream = format->streams[best];
-    codec.reset(not_null(avcodec_alloc_context3(decoder)));
-    if (const int e = avcodec_parameters_to_context(codec.get(), stream->codecpar); e < 0) return error_text(e);
-    codec->pkt_timebase = stream->time_base;
-    codec->max_pixels = most_network_pixels;
-    codec->flags |= AV_CODEC_FLAG_LOW_DELAY;
-    codec->err_recognition = AV_EF_CRCCHECK | AV_EF_EXPLODE;  // no error concealment: it invents pixels
-    codec->thread_type = FF_THREAD_SLICE;                     // frame threads delay pictures
-    if (const int e = avcodec_open2(codec.get(), decoder, nullptr); e < 0) return error_text(e);
+    if (const int e = decoder.open(*stream, *codec, {.is_live = true}); e < 0) return error_text(e);
+    pictures.set_stream(*stream);
     arrivals.clear();
     damaged = 0;
     return {};
@@ -148,7 +142,7 @@ struct NetworkSource::Impl {
 
   void close() {
     asking = nullptr;
-    codec.reset();
+    decoder.close();
     format.reset();
     stream = nullptr;
   }
@@ -203,7 +197,7 @@ struct NetworkSource::Impl {
   }
 
   std::optional<Arrived> decode(Timestamp at) {
-    if (codec->codec_id == AV_CODEC_ID_MJPEG) {
+    if (decoder.codec().codec_id == AV_CODEC_ID_MJPEG) {
       const std::span<const std::uint8_t> bytes(packet->data, std::size_t(packet->size));
       JpegResult decoded = jpeg.decode(bytes);
       if (!decoded.is_unsupported)
@@ -211,16 +205,20 @@ struct NetworkSource::Impl {
                        std::make_shared<const std::vector<std::uint8_t>>(bytes.begin(), bytes.end())};
     }
     // A decoder may return this packet's picture only after a later packet.
-    if (packet->pts != AV_NOPTS_VALUE) arrivals[packet->pts] = at;
+    const bool begins = decoder.examine(*packet);
+    if (packet->pts != AV_NOPTS_VALUE && begins) arrivals[packet->pts] = at;
     while (arrivals.size() > most_waiting) arrivals.erase(arrivals.begin());
-    FramePtr frame(not_null(av_frame_alloc()));
-    if (avcodec_send_packet(codec.get(), packet.get()) < 0) return Arrived{std::nullopt, at, nullptr};
-    if (avcodec_receive_frame(codec.get(), frame.get()) < 0) return std::nullopt;
-    if (const auto known = arrivals.find(frame->pts); known != arrivals.end()) {
-      at = known->second;
-      arrivals.erase(arrivals.begin(), std::next(known));
+    if (decoder.send(packet.get()) < 0) return Arrived{std::nullopt, at, nullptr};
+    std::optional<Arrived> newest;  // of several at once, older ones would come late
+    for (FramePtr frame(not_null(av_frame_alloc())); decoder.receive(*frame) == 0;
+         frame.reset(not_null(av_frame_alloc()))) {
+      if (const auto known = arrivals.find(frame->pts); known != arrivals.end()) {
+        at = known->second;
+        arrivals.erase(arrivals.begin(), std::next(known));
+      }
+      newest = Arrived{pictures.image_of(std::move(frame), decoder.codec().codec_id), at, nullptr};
     }
-    return Arrived{pictures.image_of(std::move(frame), codec->codec_id), at, nullptr};
+    return newest;
   }
 
   std::optional<Frame> next() {
@@ -263,7 +261,8 @@ struct NetworkSource::Impl {
       frame.encoded = std::move(arrived.encoded);
       damaged = 0;
       report(CaptureState::delivering, false,
-             "delivers " + std::string(avcodec_get_name(codec->codec_id)) + "; its time stamps are arrival times");
+             "delivers " + std::string(avcodec_get_name(decoder.codec().codec_id)) +
+                 "; its time stamps are arrival times");
     } else {
       frame.captured_at = arrived.at - options.timing.latency;
       frame.status = FrameStatus::corrupted;
@@ -278,6 +277,8 @@ struct NetworkSource::Impl {
                         ? "its time stamps are arrival times, and its latency is unknown: measure it with "
                           "huetrack-calibrate time, or set latency_offset_s"
                         : "";
+    for (const std::string& note : pictures.take_notes())
+      events.push_back({unix_now(), state.state, true, shown + ": " + note});
     return frame;
   }
 
@@ -288,7 +289,7 @@ struct NetworkSource::Impl {
   InputPtr format;
   const AVFormatContext* asking = nullptr;  // format, once it is open
   std::int64_t bytes_before = 0;            // read when the wait for a picture began
-  CodecPtr codec;
+  StreamDecoder decoder;
   AVStream* stream = nullptr;  // of format
   const PacketPtr packet{not_null(av_packet_alloc())};
   std::map<std::int64_t, Timestamp> arrivals;  // by the packets' presentation times

@@ -125,10 +125,15 @@ void compare(const std::filesystem::path& tracks_file, const std::filesystem::pa
   for (auto& [target, track] : tracks) {
     if (!truth.targets().contains(target)) continue;
     tracks::TruthComparison comparison(truth, target);
+    Eigen::AlignedBox3d room;
     for (object_tracking::ObjectEstimate& estimate : track) {
       estimate.at -= capture::duration_of(clock_offset_s);
       comparison.add(estimate);
+      if (estimate.position.allFinite()) room.extend(estimate.position);
     }
+    if (!room.isEmpty())
+      for (const auto& sentence : truth.contradictions(track.front().at, track.back().at, room))
+        spdlog::warn("{}: {}", truth_file.string(), sentence);
     std::printf("%s: %zu samples; %s\n", target.c_str(), track.size(), tracks::to_text(comparison.figures()).c_str());
     if (const auto offset = comparison.clock_offset())
       std::printf("%s: %s\n", target.c_str(), tracks::to_text(*offset, clock_offset_s).c_str());

@@ -115,10 +115,18 @@ pipeline::RecordedChanges changes_to_repeat(const config::ServiceConfig& config,
   return changes;
 }
 
-std::optional<tracks::Truth> truth_of(const config::ServiceConfig& config, const ReplayCommand& command) {
+std::optional<tracks::Truth> truth_of(const config::ServiceConfig& config, const ReplayCommand& command,
+                                      const recordings::ReplaySource& source) {
   if (command.truth.empty()) return std::nullopt;
   tracks::Truth truth = tracks::Truth::read(command.truth);
   for (const auto& sentence : truth.match(config.dds.publisher.targets))
+    spdlog::warn("{}: {}", command.truth.string(), sentence);
+  capture::Timestamp last = source.first_at().value_or(capture::Timestamp{});
+  for (const auto& camera : source.cameras())
+    if (camera.first_at)
+      last = std::max(last, *camera.first_at + camera.expected_frames.value_or(1) * camera.frame_period);
+  const auto& volume = config.object_tracking.volume;
+  for (const auto& sentence : truth.contradictions(source.first_at().value_or(last), last, {volume.min, volume.max}))
     spdlog::warn("{}: {}", command.truth.string(), sentence);
   return truth;
 }
@@ -333,7 +341,7 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   OpenedRecording playback = open_recording(config, command);
   refuse_outputs_over_inputs(command, config, playback.recording);
   for (const auto& warning : playback.source->take_warnings()) spdlog::warn("{}", warning);
-  const std::optional<tracks::Truth> truth = truth_of(config, command);
+  const std::optional<tracks::Truth> truth = truth_of(config, command, *playback.source);
   pipeline::Session session(config, std::move(playback.sources),
                             {.threads = command.threads,
                              .pictures_every = command.pictures.empty() ? 0 : command.pictures_every,

@@ -41,6 +41,7 @@ double inflation_rad(const view_watch::Mistake& mistake, const calib::Camera& ca
       constexpr double median_of_sigma = 0.6745;  // maths: median of |x| of a standard normal x
       return mistake.off_px / median_of_sigma / view_watch::focal_px(camera);
     }
+    case MistakeKind::wrong_order:
     case MistakeKind::radius:
     case MistakeKind::shared_color:
       return 0;

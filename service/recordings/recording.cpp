@@ -33,6 +33,9 @@ class TimestampFile {
 
   // Fills the camera.
   void read(std::vector<std::string>& warnings) {
+    camera_.is_listed = true;
+    camera_.times_file = csv_;
+    camera_.times_unit = files::time_unit_of(table_.name(t_s)).value_or(0);
     if (is_ours()) table_.skip_truncated_row();  // our complete rows end with a line end
     while (table_.next())
       if (const auto problem = problem_of_row()) table_.fail(*problem);
@@ -44,18 +47,16 @@ class TimestampFile {
 
  private:
   enum Column : std::size_t { frame, t_s, sequence, arrival, stamp_s, clock, clock_sigma_ns };
-  static constexpr std::string_view columns[] = {"frame",    "t_s",    "sequence?",      "arrival?",
-                                                 "stamp_s?", "clock?", "clock_sigma_ns?"};
+  static constexpr std::string_view columns[] = {"frame",    "t_s|@time", "sequence?",      "arrival?",
+                                                 "stamp_s?", "clock?",    "clock_sigma_ns?"};
 
   bool is_ours() const { return table_.has(sequence) && table_.has(arrival); }
   std::string quoted(Column column) const { return table_.quoted(column); }
 
   // Adds the row, or returns what is wrong with it.
   std::optional<std::string> problem_of_row() {
-    const auto time = files::number_of<long double>(table_.text(t_s));
-    if (!time || !(std::fabs(*time) < static_cast<long double>(longest_s)))
-      return "t_s is " + quoted(t_s) + ", not a time in seconds";
-    const capture::Timestamp at{exact_duration_of(*time)};
+    const capture::Timestamp at = table_.time(t_s);
+    if (is_too_long(at)) return table_.name(t_s) + " is " + quoted(t_s) + ", longer than any recording";
     RecordedCamera::Received received;
     if (is_ours()) {
       const auto sequence_number = files::number_of<std::uint32_t>(table_.text(sequence));
@@ -64,10 +65,8 @@ class TimestampFile {
       if (!arrival_number) return "arrival is " + quoted(arrival) + ", not an integer >= 0";
       received = {.sequence = *sequence_number, .arrival = *arrival_number, .stamped_at = std::nullopt};
       if (table_.has(stamp_s)) {
-        const auto stamp = files::number_of<long double>(table_.text(stamp_s));
-        if (!stamp || !(std::fabs(*stamp) < static_cast<long double>(longest_s)))
-          return "stamp_s is " + quoted(stamp_s) + ", not a time in seconds";
-        received.stamped_at = capture::Timestamp{exact_duration_of(*stamp)};
+        received.stamped_at = table_.time(stamp_s);
+        if (is_too_long(*received.stamped_at)) return "stamp_s is " + quoted(stamp_s) + ", longer than any recording";
       }
       if (table_.has(clock) && table_.has(clock_sigma_ns)) {
         const auto of = files::number_of<std::uint16_t>(table_.text(clock));
@@ -84,7 +83,7 @@ class TimestampFile {
       last_at_ = at;
       return std::nullopt;
     }
-    const auto number = files::number_of<std::int64_t>(table_.text(frame));
+    const auto number = table_.whole_number(frame);
     if (!number || *number < 0) return "frame is " + quoted(frame) + ", not an integer >= 0";
     auto& rows = camera_.timestamps;
     if (!rows.empty() && *number <= rows.back().first)
@@ -97,8 +96,9 @@ class TimestampFile {
     return std::nullopt;
   }
 
-  static std::string not_later(const std::string& t_s) {
-    return "t_s " + t_s + " is not later than that of the row before: capture times must ascend";
+  static bool is_too_long(capture::Timestamp at) { return std::abs(capture::seconds(at)) >= longest_s; }
+  std::string not_later(const std::string& t_s_text) const {
+    return table_.name(t_s) + " " + t_s_text + " is not later than that of the row before: capture times must ascend";
   }
 
   std::filesystem::path csv_;
@@ -165,7 +165,6 @@ Recording read_recording(const std::filesystem::path& path) {
       if (camera.fps > 0) entry.fail("timestamps", "is given together with fps: keep the one that is true");
       const auto csv = (folder / entry.string("timestamps")).lexically_normal();
       TimestampFile(csv, camera).read(recording.warnings);
-      camera.is_listed = true;
       if (camera.timestamps.empty() && camera.corrupted.empty())
         recording.warnings.push_back(csv.string() + ": lists no frames: camera " + name + " delivered none");
     }

@@ -42,9 +42,11 @@ struct RecordedCamera {
   std::vector<Received> received;
   // Frames that were corrupted when recorded (rows without a frame number). Ascending in time.
   std::vector<std::pair<capture::Timestamp, Received>> corrupted;
-  bool is_listed = false;        // has a time-stamp file; if that is empty, the camera delivered nothing
-  std::int64_t first_frame = 0;  // >= 0; frames first_frame, first_frame + every, ... are played, each at its
-  std::int64_t every = 1;        // >= 1; own time in the stream
+  bool is_listed = false;                 // has a time-stamp file; if that is empty, the camera delivered nothing
+  std::filesystem::path times_file = {};  // that file
+  std::size_t times_unit = 0;             // of its times, index of files::time_units
+  std::int64_t first_frame = 0;           // >= 0; frames first_frame, first_frame + every, ... are played, each at its
+  std::int64_t every = 1;                 // >= 1; own time in the stream
 };
 
 struct Recording {

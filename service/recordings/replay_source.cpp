@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "calib/files/config_error.h"
+#include "calib/files/csv_table.h"
 #include "calib/files/nearest_word.h"
 #include "capture/timing/camera_clock.h"
 #include "recordings/matches_reader.h"
@@ -71,7 +72,7 @@ class Stream {
                          : camera_.fps > 0 ? capture::duration_of(static_cast<double>(camera_.every) / camera_.fps)
                          : reader_         ? camera_.every * reader_->frame_period()
                                            : capture::Duration::zero();
-    warn_of_rate();
+    require_a_fitting_unit();
     if (!camera_.timestamps.empty())
       info_.expected_frames = selection_.count_below(camera_.timestamps.back().first + 1);
     else if (const auto count = reader_ ? reader_->frame_count() : std::nullopt)
@@ -84,7 +85,7 @@ class Stream {
       if (has_image) break;
     }
     if (info_.width == 0) {
-      if (has_no_stamps_)
+      if (unstamped_ > 0)
         throw files::ConfigError(recording_file, 0,
                                  "cameras." + camera_.name + ": " + camera_.frames.string() +
                                      " has no time stamps: give fps or timestamps in a recording.yaml");
@@ -188,8 +189,8 @@ class Stream {
       const auto stamp = capture_time(*picture);
       if (!stamp) continue;
       if (last_stamp_ && *stamp <= *last_stamp_) {
-        if (!std::exchange(warned_of_order_, true))
-          warn("time stamps go back at frame " + std::to_string(picture->index) + ": such frames are left out");
+        if (back_count_++ == 0) first_back_ = {picture->index, *last_stamp_};
+        furthest_back_ = std::max(furthest_back_, *last_stamp_ - *stamp);
         continue;  // its number counts as missing
       }
       last_stamp_ = stamp;
@@ -222,7 +223,10 @@ class Stream {
       }
       return frame;
     }
-    if (!std::exchange(ended_, true)) note_listed_frames_that_never_came();
+    if (!std::exchange(ended_, true)) {
+      note_listed_frames_that_never_came();
+      note_left_out();
+    }
     return std::nullopt;
   }
 
@@ -242,22 +246,56 @@ class Stream {
   std::optional<capture::Timestamp> capture_time(const VideoReader::Shown& picture) {
     if (!camera_.timestamps.empty()) return camera_.timestamps[row_of(picture.index)].second + camera_.offset;
     if (camera_.fps > 0) {
-      warn_of_gap(picture);
+      if (picture.stamp) {
+        if (!first_stamp_) first_stamp_ = {picture.index, *picture.stamp};
+        warn_of_rate(picture);
+        warn_of_gap(picture);
+      }
       // rounded once, from the exact time
       const long double since_start = static_cast<long double>(picture.index) * 1e9L / camera_.fps;
       return capture::Timestamp{capture::Duration(std::llround(since_start)) + camera_.offset};
     }
     if (picture.stamp) return *picture.stamp + camera_.offset;
-    if (!std::exchange(has_no_stamps_, true) && last_stamp_)
-      warn("frame " + std::to_string(picture.index) + " and perhaps others have no time stamp: they are left out");
+    ++unstamped_;
     return std::nullopt;
   }
 
+  // Listed times in another unit than their column's name says: a thousand times, or a thousandth of, the frame period
+  // of the file itself.
+  void require_a_fitting_unit() const {
+    const double listed_s = capture::seconds(info_.frame_period);
+    const double stored_s =
+        reader_ ? static_cast<double>(camera_.every) * capture::seconds(reader_->frame_period()) : 0;
+    if (camera_.timestamps.empty() || !(listed_s > 0) || !(stored_s > 0)) return;
+    constexpr double most_beside =
+        0.15;  // of a factor 1000, as an exponent: a camera may be 3 times slower than the file
+    const double thousands = std::log(listed_s / stored_s) / std::log(1000.0);
+    const auto unit = static_cast<long>(camera_.times_unit) + std::lround(thousands);
+    if (std::lround(thousands) == 0 || std::abs(thousands - std::round(thousands)) > most_beside || unit < 0 ||
+        unit >= static_cast<long>(files::time_units.size()))
+      return;
+    const auto fits = static_cast<std::size_t>(unit);
+    throw files::ConfigError(
+        camera_.times_file, 0,
+        fmt::format(
+            "its times are {:.4g} s apart, if they are {}, but the frames of {} are {:.4g} s apart: they look like "
+            "{}: name the column t_{}",
+            listed_s, files::time_unit_names[camera_.times_unit], camera_.frames.string(), stored_s,
+            files::time_unit_names[fits], files::time_units[fits]));
+  }
+
   // A typed fps is wrong more often than a file's; but it may be intended, for slow motion.
-  void warn_of_rate() {
-    if (!(camera_.fps > 0) || !reader_ || reader_->frame_count().value_or(1) < 2) return;  // a picture has no rate
-    const double period_s = capture::seconds(reader_->frame_period());
-    if (!(period_s > 0) || std::abs(camera_.fps * period_s - 1) < 0.02) return;
+  void warn_of_rate(const VideoReader::Shown& picture) {
+    constexpr std::int64_t enough = 4;  // frames
+    const auto count = picture.index - first_stamp_->first;
+    if (!reader_ || count < enough || std::exchange(knows_rate_, true)) return;
+    // Some headers count empty chunks, and stamps may have a gap: both must contradict.
+    const double period_s = capture::seconds(*picture.stamp - first_stamp_->second) / static_cast<double>(count);
+    const auto contradicts = [&](double s) {
+      constexpr double slack = 0.02;  // 29.97 is 30
+      return s > 0 && std::abs(camera_.fps * s - 1) >= slack;
+    };
+    if (!contradicts(period_s) || !contradicts(capture::seconds(reader_->frame_period()))) return;
     warn(fmt::format("fps says {:g}, the file itself {:.4g} frames a second: if the file is right, leave fps out",
                      camera_.fps, 1 / period_s));
   }
@@ -265,8 +303,7 @@ class Stream {
   // A missing frame in a file of the stated rate: all later times are wrong by a frame.
   void warn_of_gap(const VideoReader::Shown& picture) {
     const capture::Duration period = capture::duration_of(1 / camera_.fps);
-    if (warned_of_gap_ || !picture.stamp || !reader_) return;
-    if (!first_stamp_) first_stamp_ = {picture.index, *picture.stamp};
+    if (warned_of_gap_ || !reader_) return;
     const capture::Duration by_stamps = *picture.stamp - first_stamp_->second;
     const capture::Duration gap = by_stamps - (picture.index - first_stamp_->first) * period;
     if (std::chrono::abs(reader_->frame_period() - period) > period / 50 || gap < period * 9 / 10 ||
@@ -303,6 +340,17 @@ class Stream {
     warn("has no frame for the last " + std::to_string(absent) + " rows of its time stamps");
   }
 
+  // At the end, when it is known how many there were.
+  void note_left_out() {
+    if (back_count_ > 0)
+      warn(fmt::format(
+          "its time stamps go back, first at frame {} (at {:.3f} s), by up to {:.3f} s: {} frames are left "
+          "out. If the pictures are in order, give fps or timestamps",
+          first_back_.first, capture::seconds(first_back_.second), capture::seconds(furthest_back_), back_count_));
+    if (unstamped_ > 0 && last_stamp_)
+      warn(fmt::format("{} frames have no time stamp and are left out: give fps or timestamps", unstamped_));
+  }
+
   void warn(const std::string& text) { warnings_.push_back(camera_.frames.string() + ": " + text); }
 
   int camera_index_;
@@ -321,9 +369,11 @@ class Stream {
   std::optional<std::int64_t> first_index_, last_index_;                    // in the stream, of the played pictures
   std::optional<std::uint32_t> last_number_;                                // Frame::sequence
   std::optional<std::pair<std::int64_t, capture::Timestamp>> first_stamp_;  // index and the container's time
+  bool knows_rate_ = false;
   bool warned_of_gap_ = false;
-  bool has_no_stamps_ = false;
-  bool warned_of_order_ = false;
+  std::int64_t unstamped_ = 0, back_count_ = 0;             // left out
+  std::pair<std::int64_t, capture::Timestamp> first_back_;  // index, and the time before
+  capture::Duration furthest_back_{0};
   bool warned_of_size_ = false;
   bool ended_ = false;
 };

@@ -1,20 +1,21 @@
 #include "recordings/video_reader.h"
 
-#include <glob.h>
-
 #include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <deque>
 #include <fstream>
-#include <set>
 #include <utility>
 
 #include "calib/files/config_error.h"
+#include "calib/files/file_order.h"
+#include "calib/files/number_text.h"
 #include "capture/ffmpeg/ffmpeg_log.h"
 #include "capture/ffmpeg/ffmpeg_objects.h"
 #include "capture/ffmpeg/ffmpeg_picture.h"
+#include "capture/ffmpeg/stream_decoder.h"
 #include "capture/frames/jpeg_decoder.h"
+#include "recordings/picture_order.h"
 
 namespace huetrack::recordings {
 
@@ -37,7 +38,6 @@ std::int64_t FrameSelection::count_below(std::int64_t end) const {
 
 namespace {
 
-constexpr std::int64_t most_pixels = 1 << 26;      // of one image: a damaged header must not cost gigabytes
 constexpr std::int64_t longest_gap_frames = 1000;  // a damaged time stamp must not create frames
 constexpr int most_warnings = 5;                   // of one kind; further ones are summed up
 
@@ -84,12 +84,31 @@ std::vector<ImageFile> files_of_pattern(const std::filesystem::path& pattern) {
 
 std::vector<ImageFile> files_of_glob(const std::filesystem::path& pattern) {
   std::vector<ImageFile> files;
-  glob_t found{};
-  if (::glob(pattern.c_str(), 0, nullptr, &found) == 0)
-    for (std::size_t i = 0; i < found.gl_pathc; ++i)
-      files.push_back({.number = static_cast<std::int64_t>(i), .path = found.gl_pathv[i]});
-  ::globfree(&found);
+  for (auto& path : files::files_of_glob(pattern.string()))
+    files.push_back({.number = static_cast<std::int64_t>(files.size()), .path = std::move(path)});
   return files;
+}
+
+// A glob counts files, so a missing one shifts the times of all that follow. The first file after a gap in numbers that
+// otherwise go up by one; nullptr: none.
+const ImageFile* after_a_gap(const std::vector<ImageFile>& files) {
+  constexpr std::string_view digits = "0123456789";
+  const ImageFile* after = nullptr;
+  std::size_t gaps = 0;
+  std::optional<std::int64_t> before;
+  for (const ImageFile& file : files) {
+    const std::string name = file.path.stem().string();
+    const std::size_t last = name.find_last_of(digits);
+    if (last == std::string::npos) return nullptr;
+    const std::size_t above = name.find_last_not_of(digits, last);
+    const std::size_t first = above == std::string::npos ? 0 : above + 1;
+    const auto number = files::number_of<std::int64_t>(name.substr(first, last + 1 - first));
+    if (!number || (before && *number <= *before)) return nullptr;
+    if (before && *number != *before + 1 && ++gaps == 1) after = &file;
+    before = number;
+  }
+  constexpr std::size_t one_in = 5;  // more gaps: numbered in steps
+  return gaps * one_in < files.size() ? after : nullptr;
 }
 
 // Empty: `frames` is one file.
@@ -155,7 +174,8 @@ struct VideoReader::Impl {
     }
     format.reset(opened);
     std::vector<AVDictionary*> limits(format->nb_streams, nullptr);
-    for (auto& limit : limits) av_dict_set_int(&limit, "max_pixels", most_pixels, 0);
+    const capture::DecoderOptions decoding{.threads = threads, .log = &log};
+    for (auto& limit : limits) av_dict_set_int(&limit, "max_pixels", decoding.most_pixels, 0);
     const int found = avformat_find_stream_info(format.get(), limits.data());
     for (auto& limit : limits) av_dict_free(&limit);
     const AVCodec* decoder = nullptr;
@@ -167,18 +187,9 @@ struct VideoReader::Impl {
       if (static_cast<int>(i) != best) format->streams[i]->discard = AVDISCARD_ALL;
     stream = format->streams[best];
 
-    codec.reset(capture::not_null(avcodec_alloc_context3(decoder)));
-    if (const int e = avcodec_parameters_to_context(codec.get(), stream->codecpar); e < 0)
-      fail(file, capture::error_text(e));
-    codec->pkt_timebase = stream->time_base;
-    codec->max_pixels = most_pixels;
-    codec->opaque = &log;
-    // No error concealment: invented pixels would be measured.
-    codec->err_recognition = AV_EF_CRCCHECK | AV_EF_EXPLODE;
-    codec->thread_count = threads;
-    codec->thread_type = FF_THREAD_SLICE;  // with frame threads an error's frame would be unknown
-    if (const int e = avcodec_open2(codec.get(), decoder, nullptr); e < 0)
+    if (const int e = codec.open(*stream, *decoder, decoding); e < 0)
       fail(file, "its video cannot be decoded: " + capture::error_text(e));
+    pictures.set_stream(*stream);
     const AVCodecDescriptor* properties = avcodec_descriptor_get(decoder->id);
     is_intra_only = properties && (properties->props & AV_CODEC_PROP_INTRA_ONLY) != 0;
     is_delayed = (decoder->capabilities & AV_CODEC_CAP_DELAY) != 0;
@@ -188,8 +199,32 @@ struct VideoReader::Impl {
       format.reset();
       stream = nullptr;
     }
-    damaged = log.count() > 0;  // while finding the streams
+    if (stream) {
+      const std::string_view container = format->iformat->name;
+      is_avi = container == "avi";
+      if (is_avi) order.count_packets();
+      count_listed_packets(container);
+    }
+    const bool is_glob = camera.frames.filename().string().find('%') == std::string::npos;
+    if (const ImageFile* after = is_glob ? after_a_gap(images) : nullptr)
+      warnings.push_back(camera.frames.string() + ": numbers are missing before " + after->path.filename().string() +
+                         ": a glob counts files; if pictures are missing there, give a pattern, like img%d.jpg");
+    damaged = log.container_count() > 0;  // while finding the streams
     log.take();
+    note_layout();
+  }
+
+  // Of an MP4 or MOV: an edit list leaves some out, at the ends (no packets) or up to its first picture (trimmed ones).
+  void count_listed_packets(std::string_view container) {
+    listed_packets = listed_frames = stream->nb_frames;
+    if (container.find("mp4") == std::string_view::npos || stream->nb_frames == 0) return;
+    listed_packets = listed_frames = avformat_index_get_entries_count(stream);
+    for (int i = 0; i < listed_packets; ++i)
+      if ((avformat_index_get_entry(stream, i)->flags & AVINDEX_DISCARD_FRAME) != 0) --listed_frames;
+  }
+
+  void note_layout() {
+    for (const std::string& note : pictures.take_notes()) warnings.push_back(camera.frames.string() + ": " + note);
   }
 
   void warn(int& count, const std::string& text) {
@@ -217,6 +252,7 @@ struct VideoReader::Impl {
     if (ready.empty()) return std::nullopt;
     Shown picture = std::move(ready.front());
     ready.pop_front();
+    note_layout();
     return picture;
   }
 
@@ -251,7 +287,7 @@ struct VideoReader::Impl {
     log.take();  // drops messages without a warning
     int result = av_read_frame(format.get(), packet.get());
     for (int i = 0; result == AVERROR(EAGAIN) && i < 1000; ++i) result = av_read_frame(format.get(), packet.get());
-    const bool is_damaged = log.count() > 0;
+    const bool is_damaged = log.container_count() > 0;
     if (result < 0) {
       damaged = damaged || is_damaged || is_delayed;  // a truncated file may lack frames before its last one
       decode_rest();
@@ -266,6 +302,7 @@ struct VideoReader::Impl {
       return;
     }
     if (packet->stream_index == stream->index) {
+      ++packets;
       if (is_damaged || (packet->flags & AV_PKT_FLAG_CORRUPT) != 0) {
         warn(damage_warnings, "is damaged near frame " + std::to_string(index) + log.take());
         damaged = true;
@@ -281,9 +318,12 @@ struct VideoReader::Impl {
   }
 
   // An AVI's only time stamps are chunk numbers, and FFmpeg counts only chunks that it finds. The index has the right
-  // number.
+  // number. FFmpeg leaves out some of them as times of showing.
   void stamp_from_avi_index() {
-    if (packet->pts == AV_NOPTS_VALUE || packet->pos < 0 || std::string_view(format->iformat->name) != "avi") return;
+    if (!is_avi || packet->dts == AV_NOPTS_VALUE) return;
+    packet->pts = packet->dts;
+    packets = std::max(packets, packet->dts + 1);  // empty chunks are none
+    if (packet->pos < 0) return;
     const AVIndexEntry* entry = nullptr;
     for (; next_avi_entry < avformat_index_get_entries_count(stream); ++next_avi_entry) {
       const AVIndexEntry* next = avformat_index_get_entry(stream, next_avi_entry);
@@ -323,18 +363,18 @@ struct VideoReader::Impl {
   Decoded decode_one() {
     Decoded result;
     if (packet->size == 0) return result;  // would signal the end to the decoder
-    if (codec->codec_id == AV_CODEC_ID_MJPEG && decode_jpeg(result)) return result;
+    const AVCodecID kind = codec.codec().codec_id;
+    if (kind == AV_CODEC_ID_MJPEG && decode_jpeg(result)) return result;
     const int errors_before = log.count();
-    int error = avcodec_send_packet(codec.get(), packet.get());
+    int error = codec.send(packet.get());
     while (error == 0) {
       capture::FramePtr frame(capture::not_null(av_frame_alloc()));
-      error = avcodec_receive_frame(codec.get(), frame.get());
+      error = codec.receive(*frame);
       if (error == 0 && !result.image) result.image = image_from(std::move(frame));
     }
-    result.is_hidden =
-        error == AVERROR(EAGAIN) && (codec->codec_id == AV_CODEC_ID_VP8 || codec->codec_id == AV_CODEC_ID_VP9);
-    // FFV1 reports a slice with a wrong checksum only in its log, and shows the previous picture's slice instead.
-    const bool is_patched = codec->codec_id == AV_CODEC_ID_FFV1 && log.count() > errors_before;
+    result.is_hidden = error == AVERROR(EAGAIN) && (kind == AV_CODEC_ID_VP8 || kind == AV_CODEC_ID_VP9);
+    // These report damaged slices and strips only in the log, and show what was there before instead.
+    const bool is_patched = (kind == AV_CODEC_ID_FFV1 || kind == AV_CODEC_ID_TIFF) && log.count() > errors_before;
     if ((error != AVERROR(EAGAIN) && error != AVERROR_EOF) || is_patched) result.image.reset();
     return result;
   }
@@ -346,79 +386,77 @@ struct VideoReader::Impl {
     if (!decoded.image && !decoded.is_unsupported) log.add(decoded.problem);
     if (decoded.is_unsupported) return false;
     // Another size: in a video it is a field of an interlaced picture; an image file is reported and not used.
-    if (decoded.image && images.empty() && codec->width > 0 &&
-        (decoded.image->width != codec->width || decoded.image->height != codec->height))
+    const AVCodecContext& stored = codec.codec();
+    if (decoded.image && images.empty() && stored.width > 0 &&
+        (decoded.image->width != stored.width || decoded.image->height != stored.height))
       return false;
-    if (decoded.image && codec->color_range == AVCOL_RANGE_MPEG) decoded.image->range = capture::ColorRange::limited;
-    result.image = std::move(decoded.image);
-    if (keeps_jpeg && result.image)
+    if (!decoded.image) return true;
+    if (stored.color_range == AVCOL_RANGE_MPEG) decoded.image->range = capture::ColorRange::limited;
+    const auto own = images.empty() ? std::nullopt
+                                    : capture::exif_orientation({packet->data, static_cast<std::size_t>(packet->size)});
+    result.image = pictures.upright(*decoded.image, own);
+    // A turned picture's bytes are those of another one.
+    if (keeps_jpeg && result.image->planes[0].data == decoded.image->planes[0].data)
       jpeg_bytes = std::make_shared<std::vector<std::uint8_t>>(packet->data, packet->data + packet->size);
     return true;
   }
 
-  // For a decoder that reorders pictures: the picture's time stamp identifies its packet.
+  // For a decoder that reorders pictures.
   void decode_delayed() {
-    if (packet->size == 0 || (packet->flags & AV_PKT_FLAG_DISCARD) != 0) {
-      if (packet->size > 0) avcodec_send_packet(codec.get(), packet.get());
-      receive();
-      return;
+    const bool is_trimmed = (packet->flags & AV_PKT_FLAG_DISCARD) != 0;
+    packet->flags &= ~AV_PKT_FLAG_DISCARD;  // the order leaves them out, not the decoder
+    if (packet->size > 0) {
+      if (codec.examine(*packet)) {
+        const bool has_pts = packet->pts != AV_NOPTS_VALUE;
+        order.sent(has_pts ? std::optional(packet->pts) : std::nullopt, is_trimmed);
+        if (has_pts) sent_key = std::max(sent_key, packet->pts);
+      }
+      if (codec.send(packet.get()) < 0) order.failed();
     }
-    if (packet->pts == AV_NOPTS_VALUE || pending.contains(packet->pts) || (shown_key && packet->pts <= *shown_key))
-      has_pts = false;
-    if (has_pts) {
-      pending.insert(packet->pts);
-      sent_key = std::max(sent_key, packet->pts);
-    } else {
-      ++unstamped_pending;
-    }
-    avcodec_send_packet(codec.get(), packet.get());  // its errors may belong to another packet
     receive();
   }
 
   void decode_rest() {
     if (!is_delayed) return;
-    avcodec_send_packet(codec.get(), nullptr);
+    codec.send(nullptr);
     receive();
-    while (!pending.empty()) show_lost();
-    for (; unstamped_pending > 0; --unstamped_pending) accept(std::nullopt, std::nullopt);
+    order.end();
+    show_ordered();
   }
 
   void receive() {
     for (int errors = 0; errors < 64;) {
       capture::FramePtr frame(capture::not_null(av_frame_alloc()));
-      const int error = avcodec_receive_frame(codec.get(), frame.get());
-      if (error == AVERROR(EAGAIN) || error == AVERROR_EOF) return;
+      const int error = codec.receive(*frame);
+      if (error == AVERROR(EAGAIN) || error == AVERROR_EOF) break;
       if (error < 0) {
-        ++errors;  // the missing picture is detected when a later one is shown
+        ++errors;
+        order.failed();
         continue;
       }
-      const std::int64_t pts = frame->pts;
-      const bool is_key = frame->key_frame != 0;
-      if (!has_pts || !pending.contains(pts)) {
-        if (!pending.empty())
-          pending.erase(pending.begin());
-        else if (unstamped_pending > 0)
-          --unstamped_pending;
-        accept(pts != AV_NOPTS_VALUE ? std::optional(pts) : std::nullopt,
-               keep_if_sound(image_from(std::move(frame)), is_key, pts));
-        continue;
-      }
-      while (*pending.begin() < pts) show_lost();
-      pending.erase(pending.begin());
-      shown_key = pts;
-      if (frames_lost_before(pts) > 0) lost_reference(pts - 1);
-      auto image = image_from(std::move(frame));
-      if (!image) lost_reference(pts);
-      accept(pts, keep_if_sound(std::move(image), is_key, pts));
+      const std::int64_t stamp = frame->pts != AV_NOPTS_VALUE ? frame->pts : frame->best_effort_timestamp;
+      order.shown(stamp != AV_NOPTS_VALUE ? std::optional(stamp) : std::nullopt, std::move(frame));
     }
+    show_ordered();
   }
 
-  void show_lost() {
-    const std::int64_t pts = *pending.begin();
-    pending.erase(pending.begin());
-    shown_key = pts;
-    lost_reference(pts);
-    accept(pts, std::nullopt);
+  void show_ordered() {
+    while (auto picture = order.next()) {
+      const std::int64_t key = picture->stamp.value_or(sent_key);
+      if (picture->stamp && frames_lost_before(picture->stamp) > 0) lost_reference(key - 1);
+      const bool is_key = picture->frame && picture->frame->key_frame != 0;
+      auto image = picture->frame ? image_from(std::move(picture->frame)) : std::nullopt;
+      if (!image) lost_reference(key);
+      accept(picture->stamp, keep_if_sound(std::move(image), is_key, picture->stamp ? key : sent_key + 1));
+    }
+    if (!order.had_stamps_of_decoding() || camera.fps > 0 || !camera.timestamps.empty() ||
+        std::exchange(warned_of_order, true))
+      return;
+    warnings.push_back(
+        camera.frames.string() +
+        ": its time stamps are in the order in which its pictures are coded, not shown: the pictures get "
+        "them in the order shown; if they were not taken at even times, give timestamps, or mux it again "
+        "from a file with right ones");
   }
 
   // All pictures from a lost one to the next key frame are predicted from it.
@@ -432,7 +470,7 @@ struct VideoReader::Impl {
   }
 
   std::optional<capture::Image> image_from(capture::FramePtr frame) {
-    return pictures.image_of(std::move(frame), codec->codec_id);
+    return pictures.image_of(std::move(frame), codec.codec().codec_id);
   }
 
   // ---- Numbering
@@ -500,7 +538,11 @@ struct VideoReader::Impl {
   }
 
   bool ends_early() const {
-    if (stream->nb_frames > 0) return index < stream->nb_frames;
+    if (listed_packets > 0) {
+      const std::int64_t empty =
+          is_avi ? std::llround(step().value_or(1)) - 1 : 0;  // chunks after every frame, in some AVI
+      return std::max(index, packets + empty) < listed_packets;
+    }
     const auto ticks = step();
     if (!last_pts || !ticks || format->nb_streams != 1 || format->duration <= 0 ||
         format->duration_estimation_method == AVFMT_DURATION_FROM_BITRATE)
@@ -513,7 +555,7 @@ struct VideoReader::Impl {
 
   std::optional<std::int64_t> frame_count() const {
     if (!images.empty()) return images.back().number + 1;
-    if (stream->nb_frames > 0) return stream->nb_frames;
+    if (listed_frames > 0) return listed_frames;
     const double rate = av_q2d(stream->avg_frame_rate);
     if (format->duration > 0 && rate > 0 && rate < 1e6)
       return std::llround(static_cast<double>(format->duration) / AV_TIME_BASE * rate);
@@ -537,23 +579,24 @@ struct VideoReader::Impl {
   std::size_t next_image = 0;
   capture::InputPtr format;    // null for images
   AVStream* stream = nullptr;  // of format
-  capture::CodecPtr codec;
+  capture::StreamDecoder codec;
+  PictureOrder order;  // of a delayed decoder's
   capture::JpegDecoder jpeg;
   capture::PacketPtr packet{capture::not_null(av_packet_alloc())};
   capture::PictureMaker pictures;
   int next_avi_entry = 0;
   bool is_intra_only = false;
   bool is_delayed = false;
+  bool is_avi = false;
+  bool warned_of_order = false;
+  std::int64_t packets = 0;                            // read
+  std::int64_t listed_packets = 0, listed_frames = 0;  // by the file's index or header; 0: unknown
 
   std::deque<Shown> ready;
   bool ended = false;
   std::int64_t index = 0;  // of the next picture
 
   // Keys order the pictures: time stamps with a delayed decoder, else packet counts.
-  std::set<std::int64_t> pending;  // sent to a delayed decoder, not shown yet
-  bool has_pts = true;             // usable ones; else pictures are counted in order of arrival
-  int unstamped_pending = 0;
-  std::optional<std::int64_t> shown_key;
   std::int64_t sent_key = -1;
   std::optional<std::int64_t> broken_from;
 

@@ -72,6 +72,13 @@ std::string mistake_text(const view_watch::Mistake& mistake, const object_tracki
           "the views of {} are up to {:.0f} px apart, and which camera is wrong cannot be determined: the rig does not "
           "fit the cameras, and errors may exceed the covariance where few cameras see it: calibrate again",
           target.name, mistake.off_px);
+    case MistakeKind::wrong_order:
+      return fmt::format(
+          "{} jumps by up to {:.1f} m from one frame set to the next in all views at once, {} times within seconds, "
+          "and "
+          "moves smoothly in between: the pictures are probably not in the order in which they were taken: check the "
+          "names of image files, or what made the videos",
+          target.name, mistake.size, mistake.jumps);
     case MistakeKind::radius:
       if (mistake.is_of_outlines)
         return fmt::format(

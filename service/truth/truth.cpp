@@ -1,5 +1,7 @@
 #include "truth/truth.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <limits>
@@ -20,7 +22,7 @@ double seconds(std::chrono::nanoseconds d) {
 }  // namespace
 
 Truth Truth::read(const std::filesystem::path& file) {
-  static constexpr std::string_view columns[] = {"ball|target?", "t", "x", "y", "z"};
+  static constexpr std::string_view columns[] = {"ball|target?", "t|@time", "x", "y", "z"};
   files::CsvTable table(file, columns);
   Truth truth;
   while (table.next()) {
@@ -55,6 +57,39 @@ std::vector<std::string> Truth::match(std::span<const std::string> targets) {
     if (targets_.contains(target)) continue;
     sentences.push_back("the truth has no ball named " + target + ", so this target is not compared: it has " + balls);
   }
+  return sentences;
+}
+
+std::vector<std::string> Truth::contradictions(Timestamp first, Timestamp last, const Eigen::AlignedBox3d& room) const {
+  std::optional<Timestamp> from, to;
+  Eigen::AlignedBox3d places;
+  for (const auto& [_, samples] : targets_)
+    for (const Sample& sample : samples) {
+      from = std::min(from.value_or(sample.at), sample.at);
+      to = std::max(to.value_or(sample.at), sample.at);
+      places.extend(sample.position);
+    }
+  std::vector<std::string> sentences;
+  if (!from) return sentences;
+  const double length_s = seconds(last - first), own_s = seconds(*to - *from);
+  const auto text = [](double s) { return fmt::format("{:.3f}", s); };
+  const std::string spans = text(seconds(from->time_since_epoch())) + " to " + text(seconds(to->time_since_epoch())) +
+                            " s, and the recording's from " + text(seconds(first.time_since_epoch())) + " to " +
+                            text(seconds(last.time_since_epoch())) + " s";
+  constexpr double much_longer = 100;  // a unit is a thousand
+  if (*to < first || *from > last)
+    sentences.push_back("its times are from " + spans +
+                        ": nothing can be compared; it needs the recording's clock, in seconds");
+  else if (length_s > 0 && own_s > much_longer * length_s)
+    sentences.push_back("its times are from " + spans + ": if they are milliseconds, name the column t_ms");
+  // Most of its extent beyond ten times the room's, and within it when divided by a thousand.
+  const Eigen::AlignedBox3d reach(room.center() - 5 * room.sizes(), room.center() + 5 * room.sizes());
+  const Eigen::AlignedBox3d smaller(places.min() / 1000, places.max() / 1000);
+  if (!reach.intersects(places) || (!reach.contains(places) && reach.contains(smaller)))
+    sentences.push_back(fmt::format("its positions are up to {:.6g} m from the origin{}",
+                                    places.max().cwiseAbs().cwiseMax(places.min().cwiseAbs()).maxCoeff(),
+                                    reach.contains(smaller) ? ": they look like millimetres: divide x, y and z by 1000"
+                                                            : ", far from the room: other axes, or another unit?"));
   return sentences;
 }
 

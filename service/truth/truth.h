@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <chrono>
 #include <filesystem>
 #include <map>
@@ -17,9 +18,9 @@ using Timestamp = std::chrono::sys_time<std::chrono::nanoseconds>;  // on the re
 // True positions on the recording's clock.
 class Truth {
  public:
-  // CSV with the columns ball or target (name; optional for a single target, whose name is then empty), t (seconds), x,
-  // y, z (metres); others are ignored. Rows with x, y and z nan are skipped, so that a track file can serve as truth.
-  // throws files::ConfigError
+  // CSV with the columns ball or target (name; optional for a single target, whose name is then empty), t (seconds; or
+  // t_ms, t_us, t_ns, ...), x, y, z (metres); others are ignored. Rows with x, y and z nan are skipped, so that a track
+  // file can serve as truth. throws files::ConfigError
   static Truth read(const std::filesystem::path& file);
 
   struct Sample {
@@ -31,6 +32,10 @@ class Truth {
   // Assigns the truth to these targets: a single ball is renamed to a single target. Returns sentences for the user:
   // the renaming, or the targets without a truth.
   std::vector<std::string> match(std::span<const std::string> targets);
+
+  // Where the truth can hardly be of a track from first to last (on the truth's clock) in that room: other times or
+  // units. One sentence each, for the user.
+  std::vector<std::string> contradictions(Timestamp first, Timestamp last, const Eigen::AlignedBox3d& room) const;
 
   // Adds `ahead` to all times.
   void shift(std::chrono::nanoseconds ahead);

@@ -319,8 +319,9 @@ class FaultHypotheses {
 }  // namespace
 
 std::string_view name(MistakeKind kind) {
-  static constexpr std::string_view names[] = {"swapped",  "late",      "uneven_times",  "turned", "zoomed",
-                                               "mirrored", "other_rig", "contradiction", "radius", "shared_color"};
+  static constexpr std::string_view names[] = {"swapped",     "late",     "uneven_times", "turned",
+                                               "zoomed",      "mirrored", "other_rig",    "contradiction",
+                                               "wrong_order", "radius",   "shared_color"};
   static_assert(std::size(names) == mistake_kinds);
   return names[std::size_t(kind)];
 }
@@ -328,13 +329,14 @@ std::string_view name(MistakeKind kind) {
 bool is_of_rig(MistakeKind kind) {
   return kind == MistakeKind::swapped || kind == MistakeKind::late || kind == MistakeKind::turned ||
          kind == MistakeKind::uneven_times || kind == MistakeKind::zoomed || kind == MistakeKind::mirrored ||
-         kind == MistakeKind::other_rig || kind == MistakeKind::contradiction;
+         kind == MistakeKind::other_rig || kind == MistakeKind::contradiction || kind == MistakeKind::wrong_order;
 }
 
 ViewWatch::ViewWatch(const calib::CameraRig& rig, const object_tracking::TargetOptions& target)
     : rig_(rig),
       target_(target),
       cameras_(rig.cameras.size()),
+      jumps_(rig.cameras.size()),
       tracks_(rig.cameras.size()),
       time_sigmas_(rig.cameras.size(), timing_fault.initial_sigma_s),
       time_shifts_(rig.cameras.size(), 0),
@@ -346,14 +348,18 @@ void ViewWatch::look(const object_tracking::ObjectEstimate& estimate, const obje
     first_at_ = set_at;
     next_s_ = view_samples.period_s;
     for (PerCamera& camera : cameras_) camera = {};
+    jumps_ = JumpWatch(cameras_.size());
   }
   const double now_s = capture::seconds(set_at - *first_at_);
   late_s_.clear();
   keep(estimate, tracker.regions(), now_s);
   forget_clutter(estimate, now_s);
+  if (target_.count == 1) jumps_.look(tracker.regions(), now_s, target_.radius_m);
   if (now_s < next_s_) return;
   next_s_ = now_s + view_samples.period_s;
   std::vector<Mistake> now;
+  if (const auto jumps = jumps_.jumps())
+    now.push_back({.kind = MistakeKind::wrong_order, .size = jumps->largest_m, .jumps = jumps->count});
   if (auto mistake = of_rig(now_s, moved)) {
     now.push_back(std::move(*mistake));
   } else if (!is_wrong_) {

@@ -14,6 +14,7 @@
 
 #include "calib/model/camera_rig.h"
 #include "object_tracking/trackers/object_tracker.h"
+#include "view_watch/jump_watch.h"
 #include "view_watch/pair_residuals.h"
 
 namespace huetrack::view_watch {
@@ -27,6 +28,7 @@ enum class MistakeKind : std::uint8_t {
   mirrored,       // one camera; size: none
   other_rig,      // no two cameras are consistent
   contradiction,  // views are inconsistent, and nothing above explains it
+  wrong_order,    // of pictures, in all views alike; size: the largest jump, metres
   radius,         // size: the radius that the views agree on, metres
   shared_color,   // one camera; size: share of its picture that has the colour, 0..1
 };
@@ -48,6 +50,7 @@ struct Mistake {
   // late, uneven_times: per camera of the rig, the latency beyond the tracker's estimate.
   std::vector<double> extra_latency_s = {};
   double since_s = 0;  // start of what jumped; 0: the whole window
+  int jumps = 0;       // wrong_order: in the last seconds
 
   // uneven_times: cameras may differ.
   bool is_same_as(const Mistake& other) const {
@@ -112,6 +115,7 @@ class ViewWatch {
   calib::CameraRig rig_;
   object_tracking::TargetOptions target_;
   std::vector<PerCamera> cameras_;
+  JumpWatch jumps_;
   std::vector<Track> tracks_;  // of cameras_, less outliers and clutter: work space
   std::vector<bool> smooth_;   // per sample of one of cameras_: work space
   TimeSigmas time_sigmas_, time_shifts_, latency_sigmas_;

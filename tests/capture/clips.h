@@ -4,6 +4,7 @@
 extern "C" {
 #include <libavcodec/avcodec.h>
 #include <libavformat/avformat.h>
+#include <libavutil/display.h>
 #include <libavutil/imgutils.h>
 #include <libavutil/opt.h>
 #include <libavutil/pixdesc.h>
@@ -39,10 +40,17 @@ struct Clip {
   int fps = 10;
   int key_frame_every = 1;
   int b_frames = 0;
+  // The second field of frame k shows level_of_frame(k) + second_field.
+  enum class Fields { none, top_first, bottom_first };
+  Fields fields = Fields::none;
+  double turned_deg = 0;  // clockwise, as a tag of the container
+  AVRational pixel_shape{1, 1};
   bool standard_huffman = false;  // mjpeg: the tables that webcams use, and leave out
   // Sees every coded packet before it goes into the file; false leaves it out.
   std::function<bool(int, AVPacket&)> tamper = {};
 };
+
+constexpr int second_field = 60;
 
 // Frame k is flat but for noise in its outer part (so that damage shows): its middle says which frame it is.
 constexpr int level_of_frame(int k) {
@@ -67,12 +75,14 @@ inline void paint(AVFrame& frame, int k) {
   for (int plane = 0; plane < av_pix_fmt_count_planes(static_cast<AVPixelFormat>(frame.format)); ++plane) {
     const bool is_chroma = plane > 0 && (format->flags & AV_PIX_FMT_FLAG_RGB) == 0;
     const int rows = is_chroma ? -(-frame.height >> format->log2_chroma_h) : frame.height;
+    const bool is_other = frame.interlaced_frame != 0 && !is_chroma;
     const int bytes = av_image_get_linesize(static_cast<AVPixelFormat>(frame.format), frame.width, plane);
     for (int y = 0; y < rows; ++y)
       for (int x = 0; x < bytes; ++x) {
         const bool is_outer = x < bytes / 4 || y < rows / 4;
         const unsigned noise = is_outer ? (static_cast<unsigned>((x * 7 + 3) * (y * 13 + 5) * (k + 11)) >> 4) % 16 : 0;
-        const int level = is_chroma ? 100 + 20 * plane : level_of_frame(k);
+        const bool is_second = is_other && (y % 2 == 0) != (frame.top_field_first != 0);
+        const int level = is_chroma ? 100 + 20 * plane : level_of_frame(k) + (is_second ? second_field : 0);
         frame.data[plane][y * frame.linesize[plane] + x] = static_cast<std::uint8_t>(level + static_cast<int>(noise));
       }
   }
@@ -104,6 +114,8 @@ inline void write_clip(const std::filesystem::path& file, const Clip& clip) {
     codec->slices = 4;
     av_opt_set_int(codec->priv_data, "slicecrc", 1, 0);
   }
+  codec->sample_aspect_ratio = clip.pixel_shape;
+  if (clip.fields != Clip::Fields::none) codec->flags |= AV_CODEC_FLAG_INTERLACED_DCT | AV_CODEC_FLAG_INTERLACED_ME;
   if (clip.standard_huffman) av_opt_set(codec->priv_data, "huffman", "default", 0);
   codec->strict_std_compliance = FF_COMPLIANCE_UNOFFICIAL;
   if ((output->oformat->flags & AVFMT_GLOBALHEADER) != 0) codec->flags |= AV_CODEC_FLAG_GLOBAL_HEADER;
@@ -112,6 +124,12 @@ inline void write_clip(const std::filesystem::path& file, const Clip& clip) {
   check(avcodec_parameters_from_context(stream->codecpar, codec.get()), "parameters");
   stream->time_base = codec->time_base;
   stream->avg_frame_rate = codec->framerate;
+  stream->sample_aspect_ratio = clip.pixel_shape;
+  if (clip.turned_deg != 0) {
+    auto* matrix = reinterpret_cast<std::int32_t*>(
+        av_stream_new_side_data(stream, AV_PKT_DATA_DISPLAYMATRIX, 9 * sizeof(std::int32_t)));
+    av_display_rotation_set(matrix, clip.turned_deg);
+  }
   if ((output->oformat->flags & AVFMT_NOFILE) == 0)
     check(avio_open(&output->pb, file.c_str(), AVIO_FLAG_WRITE), "file");
   output->flags |= AVFMT_FLAG_BITEXACT;
@@ -142,6 +160,8 @@ inline void write_clip(const std::filesystem::path& file, const Clip& clip) {
     frame->colorspace = clip.matrix;
     frame->quality = codec->global_quality;
     check(av_frame_get_buffer(frame.get(), 0), "frame");
+    frame->interlaced_frame = clip.fields != Clip::Fields::none ? 1 : 0;
+    frame->top_field_first = clip.fields == Clip::Fields::top_first ? 1 : 0;
     paint(*frame, k);
     frame->pts = k;
     check(avcodec_send_frame(codec.get(), frame.get()), "encode");

@@ -7,6 +7,7 @@
 #include <fstream>
 
 #include "calib/files/config_error.h"
+#include "calib/files/number_text.h"
 
 namespace huetrack::files {
 namespace {
@@ -54,7 +55,8 @@ TEST_F(Csv, ColumnsMayHaveAlternativeNamesAndBeOptional) {
   ASSERT_TRUE(t.next());
   EXPECT_EQ(t.text(0), "lime");
   EXPECT_EQ(t.number(1), 7);
-  EXPECT_EQ(error_of([&] { table("a,b\n", {"target|ball"}); }), ":1: the header has no column target or ball");
+  EXPECT_EQ(error_of([&] { table("a,b\n", {"target|ball"}); }),
+            ":1: the header has no column target or ball: it has a, b");
 }
 
 TEST_F(Csv, IgnoresBlanksAndByteOrderMark) {
@@ -71,6 +73,62 @@ TEST_F(Csv, TimesAreExactToTheNanosecond) {
     ASSERT_TRUE(t.next());
     EXPECT_EQ(t.time(0).time_since_epoch(), expected);
   }
+}
+
+TEST_F(Csv, TimesMayHaveAnExponentAndAUnit) {
+  struct Case {
+    std::string name, value;
+    std::chrono::nanoseconds expected;
+  };
+  for (const Case& c : {Case{"t", "2.003333299999999895e+01", 20033333000ns},
+                        {"t_s", "1e3", 1000s},
+                        {"time_ms", "33.333", 33333us},
+                        {"t_us", "5", 5us},
+                        {"Timestamp [ns]", "1700000000123456789", 1700000000123456789ns},
+                        {"t (ms)", "1700000000123.5", 1700000000123500us},
+                        {"timestamp", "-1.5e-9", -2ns}}) {
+    CsvTable t = table("x," + c.name + "\n0," + c.value, {"t|@time"});
+    ASSERT_TRUE(t.next());
+    EXPECT_EQ(t.time(0).time_since_epoch(), c.expected) << c.name;
+  }
+  EXPECT_EQ(error_of([&] { table("a,t_min\n", {"t|@time"}); }), ":1: the header has no column t: it has a, t_min");
+  EXPECT_EQ(
+      error_of([&] {
+        CsvTable t = table("t_s\n1700000000123\n", {"t_s|@time"});
+        t.next();
+        t.time(0);
+      }),
+      ":2: t_s must be a time in seconds, got \"1700000000123\": if these are milliseconds, name the column t_ms");
+}
+
+TEST_F(Csv, ReadsWhatSpreadsheetsAndNumpyWrite) {
+  for (const std::string text : {"frame;t;x\n3;0,25;-1,5e2\n", "sep=;\r\nframe;t;x\r\n3;0,25;-1,5e2\r\n",
+                                 "\xEF\xBB\xBFsep=;\nframe;t;x\n3;0,25;-1,5e2", "frame\tt\tx\n3\t0,25\t-150\n",
+                                 "# frame t x\n3.000e+00 2.5e-01  -1.5e+02\n", "# frame,t,x\n3.0,0.25,-150\n",
+                                 "\"frame\";\"t\";\"x\"\n\"3\";\"0,25\";\"-150\"\n"}) {
+    CsvTable t = table(text, {"frame", "t", "x"});
+    ASSERT_TRUE(t.next()) << text;
+    EXPECT_EQ(t.whole_number(0), 3) << text;
+    EXPECT_EQ(t.time(1).time_since_epoch(), 250ms) << text;
+    EXPECT_EQ(t.number(2), -150) << text;
+    EXPECT_FALSE(t.next()) << text;
+  }
+  CsvTable commas = table("a,b,c\n0,5,1,5,x\n", {"c"});  // with decimal commas as well: not guessed
+  ASSERT_TRUE(commas.next());
+  EXPECT_EQ(error_of([&] {
+              table(std::string("\xFF\xFE"
+                                "a\0;\0",
+                                6),
+                    {"a"});
+            }),
+            ":1: is UTF-16: save it as CSV in UTF-8");
+}
+
+TEST(Numbers, RatiosAreNumbersAndTrailingCharactersAreNot) {
+  EXPECT_EQ(ratio_of("30000/1001"), 30000.0 / 1001);
+  EXPECT_EQ(ratio_of("+2.5e1"), 25);
+  for (const char* text : {"30/", "/1001", "30/0", "30/-1", "30 fps", "30,0", "1/2/3", "0x10", "", "1 "})
+    EXPECT_EQ(ratio_of(text), std::nullopt) << text;
 }
 
 TEST_F(Csv, SkipsATruncatedLastLineOnRequest) {
@@ -92,15 +150,15 @@ TEST_F(Csv, ErrorsNameFileAndLine) {
     });
   };
   EXPECT_EQ(first_number(""), ": is empty: a header line is needed");
-  EXPECT_EQ(first_number("a,c\n"), ":1: the header has no column b");
+  EXPECT_EQ(first_number("a,c\n"), ":1: the header has no column b: it has a, c");
   EXPECT_EQ(first_number("a,b\n1,2\n1\n"), ":3: has 1 columns, at least 2 are needed");
   EXPECT_EQ(first_number("a,b\n1,two\n"), ":2: b must be a number, got \"two\"");
   EXPECT_EQ(error_of([&] {
-              CsvTable t = table("t\n1e3\n", {"t"});
+              CsvTable t = table("t\n1e3s\n", {"t"});
               t.next();
               t.time(0);
             }),
-            ":2: t must be a time in seconds, got \"1e3\"");
+            ":2: t must be a time in seconds, got \"1e3s\"");
   EXPECT_THROW(CsvTable("/no/such.csv", {}), ConfigError);
   EXPECT_THROW(CsvTable(testing::TempDir(), {}), ConfigError);
 }

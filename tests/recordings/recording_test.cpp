@@ -112,7 +112,7 @@ TEST_F(ReadRecording, NamesFileAndLineOfABadTimeStamp) {
   EXPECT_THAT(error_of("version: 1\ncameras:\n  left: {frames: l.mkv, timestamps: none.csv}\n"), HasSubstr("none.csv"));
   EXPECT_THAT(error_of_csv(""), HasSubstr("is empty"));
   EXPECT_THAT(error_of_csv("frame,t_s\n"), HasSubstr("lists no frames"));
-  EXPECT_THAT(error_of_csv("frame,time\n0,0\n"), AllOf(HasSubstr("times.csv:1"), HasSubstr("t_s")));
+  EXPECT_THAT(error_of_csv("frame,when\n0,0\n"), AllOf(HasSubstr("times.csv:1"), HasSubstr("t_s")));
   EXPECT_THAT(error_of_csv("frame,t_s\n0,0\n1\n"), HasSubstr("times.csv:3"));
   EXPECT_THAT(error_of_csv("frame,t_s\n0,0\n1.5,1\n"), AllOf(HasSubstr("times.csv:3"), HasSubstr("\"1.5\"")));
   EXPECT_THAT(error_of_csv("frame,t_s\n0,0\n-1,1\n"), HasSubstr("times.csv:3"));

@@ -149,7 +149,7 @@ TEST_F(TrackCsv, ErrorsNameTheLine) {
   const std::string header = std::string(track_csv_header) + "\n";
   const std::string row = to_csv_row("b", tracked());
   EXPECT_EQ(error_of(header + row + "\n" + row + "\r\n\n"), "no error");
-  EXPECT_EQ(error_of("target,x\n"), file_.string() + ":1: the header has no column t");
+  EXPECT_EQ(error_of("target,x\n"), file_.string() + ":1: the header has no column t: it has target, x");
   EXPECT_EQ(error_of(header + row + "\nb,1,2\n"), file_.string() + ":3: has 3 columns, at least 17 are needed");
   EXPECT_EQ(error_of(header + "b,1,0x7,0,0,0,0,0,0,0,0,0,0,0,tracking,2,1\n"),
             file_.string() + ":2: x must be a number, got \"0x7\"");

@@ -60,7 +60,7 @@ TEST_F(TruthFile, ErrorsNameTheLine) {
     }
     return "no error";
   };
-  EXPECT_EQ(error("ball,x,y,z\n"), file_.string() + ":1: the header has no column t");
+  EXPECT_EQ(error("ball,x,y,z\n"), file_.string() + ":1: the header has no column t: it has ball, x, y, z");
   EXPECT_EQ(error("t,x,y,z\n0,0,0,0\n0,1,1,1\n"),
             file_.string() +
                 ":3: t must grow from row to row; for several targets add a column ball or target with their names");
@@ -89,6 +89,25 @@ TEST_F(TruthFile, SkipsRowsWithoutAPosition) {
   EXPECT_FALSE(t.position("lime", Timestamp(0s)).has_value());
   EXPECT_EQ(t.position("lime", Timestamp(100ms)), Eigen::Vector3d(1, 2, 3));
   EXPECT_FALSE(t.targets().contains("red"));
+}
+
+TEST_F(TruthFile, ReadsNumpysExponentsAndASpreadsheetsCommas) {
+  for (const char* text : {"t,x,y,z\n2.0e+01,1.5e+00,-2,3\n2.003e+01,1.5,-2,3\n",
+                           "t;x;y;z\n20,0;1,5;-2;3\n20,03;1,5;-2;3\n", "t_ms,x,y,z\n20000,1.5,-2,3\n20030,1.5,-2,3\n"})
+    EXPECT_EQ(truth(text).position("", Timestamp(20030ms)), Eigen::Vector3d(1.5, -2, 3)) << text;
+}
+
+TEST_F(TruthFile, NamesOtherUnitsThanTheRecordings) {
+  using testing::ElementsAre, testing::HasSubstr, testing::IsEmpty;
+  const Eigen::AlignedBox3d room(Eigen::Vector3d(-2, -2, 0), Eigen::Vector3d(2, 2, 2.5));
+  const auto said = [&](const std::string& text, Timestamp from = Timestamp(0s)) {
+    return truth(text).contradictions(from, from + 5s, room);
+  };
+  EXPECT_THAT(said("t,x,y,z\n0,0.4,-0.3,1.6\n4.9,0.5,0.2,1.5\n"), IsEmpty());
+  EXPECT_THAT(said("t,x,y,z\n0,435.1,-272.6,1618.4\n4.9,400,200,1500\n"), ElementsAre(HasSubstr("millimetres")));
+  EXPECT_THAT(said("t,x,y,z\n0,0.4,-0.3,1.6\n4900,0.5,0.2,1.5\n"), ElementsAre(HasSubstr("name the column t_ms")));
+  EXPECT_THAT(said("t,x,y,z\n0,0.4,-0.3,1.6\n4.9,0.5,0.2,1.5\n", Timestamp(20s)),
+              ElementsAre(HasSubstr("from 0.000 to 4.900 s, and the recording's from 20.000 to 25.000 s")));
 }
 
 TEST_F(TruthFile, CanBeMovedToAnotherClock) {

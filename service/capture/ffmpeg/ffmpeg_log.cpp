@@ -9,6 +9,7 @@ extern "C" {
 #include <array>
 #include <cstdarg>
 #include <cstdio>
+#include <string_view>
 #include <utility>
 
 namespace huetrack::capture {
@@ -16,10 +17,14 @@ namespace {
 
 thread_local FfmpegLog* log_of_this_thread = nullptr;
 
+// Its TIFF decoder logs tags that it does not know, and libtiff always writes one of them, as errors.
+constexpr std::string_view remark_on_a_tag = "Unknown or unsupported tag";
+
 void on_log(void* source, int level, const char* format, va_list arguments) {
-  if (level > AV_LOG_ERROR) return;
+  if (level > AV_LOG_ERROR || std::string_view(format).starts_with(remark_on_a_tag)) return;
   FfmpegLog* log = log_of_this_thread;
-  if (!log && source && *static_cast<const AVClass* const*>(source) == avcodec_get_class())
+  const bool is_of_codec = source && *static_cast<const AVClass* const*>(source) == avcodec_get_class();
+  if (!log && is_of_codec)
     log = static_cast<FfmpegLog*>(static_cast<const AVCodecContext*>(source)->opaque);  // a slice thread of ours
   if (!log) return;
   std::array<char, 160> line{};  // an excerpt is enough; FFmpeg's callback leaves no choice but printf
@@ -28,14 +33,15 @@ void on_log(void* source, int level, const char* format, va_list arguments) {
   std::ranges::replace_if(
       text, [](unsigned char c) { return c < 0x20 || c > 0x7E; }, ' ');
   while (text.ends_with(' ') || text.ends_with('.')) text.pop_back();
-  if (!text.empty()) log->add(std::move(text));
+  if (!text.empty()) log->add(std::move(text), is_of_codec ? FfmpegLog::Source::codec : FfmpegLog::Source::container);
 }
 
 }  // namespace
 
-void FfmpegLog::add(std::string text) {
+void FfmpegLog::add(std::string text, Source source) {
   const std::scoped_lock lock(mutex_);
   if (count_++ == 0) first_ = std::move(text);
+  container_count_ += source == Source::container ? 1 : 0;
 }
 
 int FfmpegLog::count() const {
@@ -43,9 +49,14 @@ int FfmpegLog::count() const {
   return count_;
 }
 
+int FfmpegLog::container_count() const {
+  const std::scoped_lock lock(mutex_);
+  return container_count_;
+}
+
 std::string FfmpegLog::take() {
   const std::scoped_lock lock(mutex_);
-  count_ = 0;
+  count_ = container_count_ = 0;
   const std::string text = std::exchange(first_, {});
   return text.empty() ? text : " (" + text + ")";
 }

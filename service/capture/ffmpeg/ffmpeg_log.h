@@ -9,14 +9,16 @@ namespace huetrack::capture {
 // Keeps the first error, and counts them. thread-safe: FFmpeg's slice threads find it in AVCodecContext::opaque.
 class FfmpegLog {
  public:
-  void add(std::string text);
+  enum class Source { codec, container };
+  void add(std::string text, Source source = Source::codec);
   int count() const;
-  std::string take();  // the first error since the last call as " (error)"; empty: none
+  int container_count() const;  // of the file or protocol; decoders and parsers also remark on what is harmless
+  std::string take();           // the first error since the last call as " (error)"; empty: none
 
  private:
   mutable std::mutex mutex_;
-  int count_ = 0;      // guarded by mutex_
-  std::string first_;  // guarded by mutex_
+  int count_ = 0, container_count_ = 0;  // guarded by mutex_
+  std::string first_;                    // guarded by mutex_
 };
 
 // During its lifetime FFmpeg logs of this thread go to `log`, which must outlive it.

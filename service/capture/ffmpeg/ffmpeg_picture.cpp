@@ -1,10 +1,16 @@
 #include "capture/ffmpeg/ffmpeg_picture.h"
 
 extern "C" {
+#include <libavutil/display.h>
 #include <libavutil/pixdesc.h>
 #include <libswscale/swscale.h>
 }
 
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <numbers>
 #include <utility>
 
 namespace huetrack::capture {
@@ -135,11 +141,57 @@ Image wrapped(FramePtr frame, PixelFormat format, ColorRange range) {
   return image;
 }
 
+// A display matrix: how players show the picture (libavutil/display.h).
+void read_orientation(const std::uint8_t* side_data, PictureLayout& layout) {
+  std::array<std::int32_t, 9> matrix{};
+  std::memcpy(matrix.data(), side_data, sizeof(matrix));
+  const double along_row = matrix[0], down_row = matrix[1], along_column = matrix[3], down_column = matrix[4];
+  layout.turned_deg = std::atan2(down_row, along_row) * 180 / std::numbers::pi;
+  layout.is_mirrored = along_row * down_column - down_row * along_column < 0;
+  const auto sign = [](double of, double beside) { return std::abs(of) < std::abs(beside) ? 0 : of < 0 ? -1 : 1; };
+  const double quarter_turns = layout.turned_deg / 90;
+  if (std::abs(quarter_turns - std::round(quarter_turns)) < 0.01 && (along_row != 0 || down_row != 0))
+    layout.orientation = {sign(along_row, down_row), sign(down_row, along_row), sign(along_column, down_column),
+                          sign(down_column, along_column)};
+}
+
 }  // namespace
+
+void PictureMaker::set_stream(const AVStream& stream) {
+  layout_ = {};
+  taken_notes_.clear();
+  if (const std::uint8_t* matrix = av_stream_get_side_data(&stream, AV_PKT_DATA_DISPLAYMATRIX, nullptr))
+    read_orientation(matrix, layout_);
+  const AVRational shape =
+      stream.sample_aspect_ratio.num > 0 ? stream.sample_aspect_ratio : stream.codecpar->sample_aspect_ratio;
+  if (shape.num > 0 && shape.den > 0) layout_.pixel_aspect = av_q2d(shape);
+}
+
+Image PictureMaker::upright(const Image& image, std::optional<Orientation> own) {
+  if (own && !own->is_upright()) {
+    layout_.orientation = *own;
+    layout_.turned_deg = std::atan2(own->row_by_column, own->column_by_column) * 180 / std::numbers::pi;
+    layout_.is_mirrored = own->column_by_column * own->row_by_row - own->row_by_column * own->column_by_row < 0;
+  }
+  return turned(image, own.value_or(layout_.orientation));
+}
+
+std::vector<std::string> PictureMaker::take_notes() {
+  std::vector<std::string> notes = notes_on(layout_);
+  std::erase_if(notes, [&](const std::string& note) { return std::ranges::count(taken_notes_, note) > 0; });
+  taken_notes_.insert(taken_notes_.end(), notes.begin(), notes.end());
+  return notes;
+}
 
 std::optional<Image> PictureMaker::image_of(FramePtr frame, AVCodecID codec) {
   if ((frame->flags & AV_FRAME_FLAG_CORRUPT) != 0 || frame->decode_error_flags != 0) return std::nullopt;
   if (frame->width < 1 || frame->height < 1) return std::nullopt;
+  if (const AVFrameSideData* tag = av_frame_get_side_data(frame.get(), AV_FRAME_DATA_DISPLAYMATRIX))
+    read_orientation(tag->data, layout_);
+  // A PNG's interlacing is the order of its bytes, not of the exposure.
+  const bool is_interlaced = frame->interlaced_frame != 0 && codec != AV_CODEC_ID_PNG && codec != AV_CODEC_ID_APNG;
+  const bool is_top_first = frame->top_field_first != 0;
+  layout_.is_interlaced = layout_.is_interlaced || is_interlaced;
   const ColorRange range = range_of(*frame, codec);
   auto ours = pixel_format_of(static_cast<AVPixelFormat>(frame->format), frame->width, frame->height);
   const bool is_yuv = ours && *ours != PixelFormat::bgr && *ours != PixelFormat::grey;
@@ -148,7 +200,8 @@ std::optional<Image> PictureMaker::image_of(FramePtr frame, AVCodecID codec) {
     if (!frame) return std::nullopt;
     ours = pixel_format_of(static_cast<AVPixelFormat>(frame->format), frame->width, frame->height);
   }
-  return wrapped(std::move(frame), *ours, range);
+  const Image image = wrapped(std::move(frame), *ours, range);
+  return turned(is_interlaced ? first_field(image, is_top_first) : image, layout_.orientation);
 }
 
 }  // namespace huetrack::capture

@@ -1,0 +1,51 @@
+// Decodes the packets of one stream, and tells errors of a picture from remarks on what is beside it.
+#pragma once
+
+#include "capture/ffmpeg/ffmpeg_log.h"
+#include "capture/ffmpeg/ffmpeg_objects.h"
+
+struct AVBSFContext;
+
+namespace huetrack::capture {
+
+struct FreeParser {
+  void operator()(AVCodecParserContext* p) const { av_parser_close(p); }
+};
+struct FreeFilter {
+  void operator()(AVBSFContext* p) const;
+};
+
+struct DecoderOptions {
+  int threads = 1;  // slices of one picture; frame threads would hide which picture an error belongs to
+  bool is_live = false;
+  std::int64_t most_pixels = 1 << 26;  // of one picture: a damaged header must not cost gigabytes
+  FfmpegLog* log = nullptr;            // receives messages of slice threads; must outlive the decoder
+};
+
+// thread-compatible. No error concealment: invented pixels would be measured.
+class StreamDecoder {
+ public:
+  // 0, or an AVERROR.
+  int open(const AVStream& stream, const AVCodec& decoder, const DecoderOptions& options);
+  void close() { codec_.reset(); }
+  bool is_open() const { return codec_ != nullptr; }
+  const AVCodecContext& codec() const { return *codec_; }
+
+  // Before send(): reads the packet's headers. Removes supplemental messages that are damaged, which some cameras write
+  // into every picture: without them the decoder's errors are those of the picture. False: the packet only adds the
+  // second field to the picture that the packet before began.
+  bool examine(AVPacket& packet);
+
+  int send(const AVPacket* packet) { return avcodec_send_packet(codec_.get(), packet); }  // nullptr: the end
+  int receive(AVFrame& frame) { return avcodec_receive_frame(codec_.get(), &frame); }
+
+ private:
+  CodecPtr codec_;
+  // Only for codecs that have supplemental messages and fields in packets of their own.
+  std::unique_ptr<AVCodecParserContext, FreeParser> parser_;
+  CodecPtr headers_;  // the parser's
+  std::unique_ptr<AVBSFContext, FreeFilter> remove_messages_;
+  int unpaired_field_ = 0;  // AVPictureStructure of the packet before; 0: none
+};
+
+}  // namespace huetrack::capture

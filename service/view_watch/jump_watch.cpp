@@ -1,0 +1,64 @@
+#include "view_watch/jump_watch.h"
+
+#include <algorithm>
+#include <limits>
+#include <utility>
+
+namespace huetrack::view_watch {
+namespace {
+
+struct JumpTuning {
+  double least_radii = 5;       // of a jump, in every view: 0.2 m for a ball of 4 cm
+  double times_the_steps = 5;   // of the steps before and after it; a throw, a bounce has steps of its length beside it
+  std::size_t longest_run = 2;  // jumps without a smooth step in between: one picture out of place
+  double window_s = 3;          // in which they are counted
+  int least_count = 4;          // there: an object of the colour that appears as another leaves is rarer
+  std::size_t least_cameras = 2;  // that see them
+};
+constexpr JumpTuning tuning{};
+
+}  // namespace
+
+void JumpWatch::look(std::span<const object_tracking::SeenRegion> regions, double now_s, double radius_m) {
+  std::vector<Only> now(last_.size());
+  std::vector<int> counts(last_.size(), 0);
+  for (const auto& region : regions) {
+    const auto c = static_cast<std::size_t>(region.camera);
+    if (c < now.size()) now[c] = ++counts[c] == 1 ? Only{region.px, region.radius_px} : Only{};
+  }
+  Step step{now_s, std::numeric_limits<double>::infinity()};
+  std::size_t views = 0;
+  for (std::size_t c = 0; c < now.size(); ++c) {
+    if (now[c].radius_px <= 0 || last_[c].radius_px <= 0) continue;
+    ++views;
+    step.radii =
+        std::min(step.radii, (now[c].px - last_[c].px).norm() / std::min(now[c].radius_px, last_[c].radius_px));
+  }
+  last_ = std::move(now);
+  while (!jumps_.empty() && jumps_.front().at_s < now_s - tuning.window_s) jumps_.pop_front();
+  if (views < tuning.least_cameras) {
+    steps_.clear();
+    return;
+  }
+  steps_.push_back(step);
+  if (steps_.size() > tuning.longest_run + 2) steps_.pop_front();
+  // A run of large steps that has just ended, with a small one on either side.
+  for (std::size_t run = 1; run <= tuning.longest_run && steps_.size() >= run + 2; ++run) {
+    const auto first = steps_.end() - 1 - static_cast<std::ptrdiff_t>(run);
+    const double beside = std::max((first - 1)->radii, steps_.back().radii);
+    const auto is_jump = [&](const Step& s) {
+      return s.radii > tuning.least_radii && s.radii > tuning.times_the_steps * beside;
+    };
+    if (!std::all_of(first, steps_.end() - 1, is_jump)) continue;
+    for (auto jump = first; jump != steps_.end() - 1; ++jump) jumps_.push_back({jump->at_s, jump->radii * radius_m});
+    break;
+  }
+}
+
+std::optional<Jumps> JumpWatch::jumps() const {
+  if (jumps_.size() < static_cast<std::size_t>(tuning.least_count)) return std::nullopt;
+  return Jumps{static_cast<int>(jumps_.size()), jumps_.back().at_s - jumps_.front().at_s,
+               std::ranges::max(jumps_, {}, &Jump::size_m).size_m};
+}
+
+}  // namespace huetrack::view_watch

@@ -1,0 +1,107 @@
+#include "capture/frames/picture_layout.h"
+
+#include <gmock/gmock.h>
+
+namespace huetrack::capture {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+constexpr PixelFormat all_formats[] = {PixelFormat::yuyv, PixelFormat::nv12, PixelFormat::i420, PixelFormat::i422,
+                                       PixelFormat::i444, PixelFormat::bgr,  PixelFormat::grey};
+
+// Every byte another.
+Image picture(PixelFormat format, int width = 8, int height = 6) {
+  WritableImage made = make_image(format, ColorRange::full, width, height);
+  std::uint8_t value = 0;
+  for (int plane = 0; plane < 3; ++plane)
+    for (std::size_t i = 0, n = plane_row_bytes(format, plane, width) * std::size_t(plane_rows(format, plane, height));
+         i < n; ++i)
+      made.data[std::size_t(plane)][i] = value = std::uint8_t(value + 37);
+  return made.image;
+}
+
+int first_component(const Image& image, int u, int v) {
+  return image.format == PixelFormat::bgr ? bgr_at(image, u, v).b : yuv_at(image, u, v).y;
+}
+
+TEST(PictureLayout, TurnsEveryFormatByEveryTag) {
+  for (const PixelFormat format : all_formats)
+    for (unsigned tag = 1; tag <= 8; ++tag) {
+      const Image from = picture(format);
+      const Image to = turned(from, *orientation_of_tag(tag));
+      ASSERT_EQ(to.width, tag <= 4 ? from.width : from.height);
+      for (int v = 0; v < to.height; ++v)
+        for (int u = 0; u < to.width; ++u) {
+          // EXIF 2.32: which corner of the stored picture row 0 and column 0 show.
+          const int right = from.width - 1, bottom = from.height - 1;
+          const std::pair<int, int> stored = tag == 1   ? std::pair(u, v)
+                                             : tag == 2 ? std::pair(right - u, v)
+                                             : tag == 3 ? std::pair(right - u, bottom - v)
+                                             : tag == 4 ? std::pair(u, bottom - v)
+                                             : tag == 5 ? std::pair(v, u)
+                                             : tag == 6 ? std::pair(v, bottom - u)
+                                             : tag == 7 ? std::pair(right - v, bottom - u)
+                                                        : std::pair(right - v, u);
+          EXPECT_EQ(first_component(to, u, v), first_component(from, stored.first, stored.second))
+              << name(format) << " tag " << tag << " at " << u << "," << v;
+          if (format == PixelFormat::bgr) continue;
+          EXPECT_EQ(yuv_at(to, u, v).u, yuv_at(from, stored.first, stored.second).u) << name(format) << tag;
+          EXPECT_EQ(yuv_at(to, u, v).v, yuv_at(from, stored.first, stored.second).v) << name(format) << tag;
+        }
+    }
+  EXPECT_EQ(orientation_of_tag(0), std::nullopt);
+  EXPECT_EQ(orientation_of_tag(9), std::nullopt);
+}
+
+TEST(PictureLayout, AFieldsRowsStayAndTheOthersAreInterpolated) {
+  const Image from = picture(PixelFormat::grey);
+  for (const bool is_top_first : {true, false}) {
+    const Image to = first_field(from, is_top_first);
+    for (int v = 0; v < from.height; ++v) {
+      const bool is_own = (v % 2 == 0) == is_top_first;
+      const int above = v > 0 ? v - 1 : v + 1, below = v + 1 < from.height ? v + 1 : v - 1;
+      for (int u = 0; u < from.width; ++u)
+        EXPECT_EQ(yuv_at(to, u, v).y,
+                  is_own ? yuv_at(from, u, v).y : (yuv_at(from, u, above).y + yuv_at(from, u, below).y + 1) / 2);
+    }
+  }
+}
+
+// A JPEG's first bytes with one EXIF entry.
+std::vector<std::uint8_t> jpeg_with(unsigned tag, bool is_little) {
+  std::vector<std::uint8_t> bytes{0xFF, 0xD8, 0xFF, 0xE0, 0, 4, 0, 0, 0xFF, 0xE1, 0, 34, 'E', 'x', 'i', 'f', 0, 0};
+  const auto add = [&](unsigned value, int size) {
+    for (int i = 0; i < size; ++i) bytes.push_back(std::uint8_t(value >> 8 * (is_little ? i : size - 1 - i)));
+  };
+  bytes.insert(bytes.end(), 2, is_little ? 'I' : 'M');
+  add(42, 2), add(8, 4), add(1, 2);
+  add(0x0112, 2), add(3, 2), add(1, 4), add(tag, 2), add(0, 2);
+  add(0, 4);
+  return bytes;
+}
+
+TEST(PictureLayout, ReadsTheOrientationInAJpeg) {
+  for (const bool is_little : {true, false}) {
+    EXPECT_EQ(exif_orientation(jpeg_with(6, is_little)), orientation_of_tag(6));
+    const auto whole = jpeg_with(8, is_little);
+    for (std::size_t size = 0; size < whole.size(); ++size)  // never beyond the end
+      exif_orientation(std::vector<std::uint8_t>(whole.begin(), whole.begin() + std::ptrdiff_t(size)));
+  }
+  EXPECT_EQ(exif_orientation(jpeg_with(0, true)), std::nullopt);
+  EXPECT_EQ(exif_orientation(std::vector<std::uint8_t>{0xFF, 0xD8, 0xFF, 0xDB, 0, 3, 1}), std::nullopt);
+}
+
+TEST(PictureLayout, NotesSayWhatIsDone) {
+  EXPECT_THAT(notes_on({}), IsEmpty());
+  EXPECT_THAT(notes_on({.orientation = {-1, 0, 0, -1}, .turned_deg = 180}),
+              ElementsAre(HasSubstr("turned by 180 degrees")));
+  EXPECT_THAT(notes_on({.turned_deg = 12}), ElementsAre(HasSubstr("used as stored")));
+  EXPECT_THAT(notes_on({.is_interlaced = true, .pixel_aspect = 4. / 3}),
+              ElementsAre(HasSubstr("interlaced"), HasSubstr("1.333 : 1")));
+}
+
+}  // namespace
+}  // namespace huetrack::capture

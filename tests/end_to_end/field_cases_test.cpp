@@ -1,0 +1,149 @@
+// huetrackd on files as other programs and cameras make them (shared/data/field_cases, made from our own rendering):
+// the right track, or the reason and what to do.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <regex>
+
+#include "end_to_end/process.h"
+#include "publish/test_domain.h"
+
+namespace huetrack::end_to_end {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::AllOf;
+using testing::HasSubstr;
+
+const fs::path field_cases = "/work/shared/data/field_cases";
+
+class FieldCases : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (!fs::exists(field_cases)) GTEST_SKIP() << "no " << field_cases;
+    folder_ = fs::path(testing::TempDir()) / testing::UnitTest::GetInstance()->current_test_info()->name();
+    fs::remove_all(folder_);
+    fs::create_directories(folder_);
+    for (const char* name : {"my.yaml", "rig.yaml", "groundtruth.csv"})
+      fs::copy_file(field_cases / "rot180" / name, folder_ / name);
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  struct Replayed {
+    int status = -1;
+    double rms_mm = 1e9;  // 1e9: never on the truth
+    std::string text;     // all that it says
+  };
+  Replayed replay(std::vector<std::string> recording, const fs::path& truth = "groundtruth.csv",
+                  const std::string& config = "my.yaml") {
+    std::vector<std::string> command{HUETRACKD, "replay",        "--no-dds",      "--strict",
+                                     "--truth", folder_ / truth, folder_ / config};
+    command.insert(command.end(), recording.begin(), recording.end());
+    Process process(command, folder_ / "out", folder_ / "err",
+                    {{"ROS_DOMAIN_ID", std::to_string(publish::test_domain())}});
+    Replayed replayed;
+    replayed.status = process.wait();
+    replayed.text = process.out() + process.err();
+    std::smatch found;
+    if (std::regex_search(replayed.text, found, std::regex("rms error ([0-9.]+) mm")))
+      replayed.rms_mm = std::stod(found[1]);
+    return replayed;
+  }
+  // A recording.yaml with these lines for its cameras.
+  std::string recording(const std::string& cam0, const std::string& cam1) {
+    std::ofstream(folder_ / "recording.yaml")
+        << "version: 1\ncameras:\n  cam0: {" << cam0 << "}\n  cam1: {" << cam1 << "}\n";
+    return folder_ / "recording.yaml";
+  }
+  static std::string file(const std::string& name) { return field_cases / name; }
+  fs::path folder_;
+};
+
+// The ordinary film tracks at 2.1 mm.
+TEST_F(FieldCases, FilmsTrackAsTheOrdinaryOne) {
+  struct Case {
+    std::string first, second;
+    double most_mm;
+    std::string said;
+  };
+  for (const Case& c :
+       {Case{"xvid_bframes_avi/avi_xvid_b0.avi", "xvid_bframes_avi/avi_xvid_b1.avi", 3.5, "150 frame sets"},
+        Case{"rawmux_bframes/rawmux0.mp4", "rawmux_bframes/rawmux1.mp4", 3, "are coded, not shown"},
+        Case{"badsei/badsei0.mp4", "badsei/badsei1.mp4", 3, "150 frame sets"},
+        Case{"rot180/rot180_0.mp4", "rot180/base1.mp4", 3, "turned by 180 degrees"}}) {
+    const Replayed by_file = replay({"cam0=" + file(c.first), "cam1=" + file(c.second)});
+    EXPECT_EQ(by_file.status, 0) << by_file.text;
+    EXPECT_LT(by_file.rms_mm, c.most_mm) << by_file.text;
+    EXPECT_THAT(by_file.text,
+                AllOf(HasSubstr(c.said), HasSubstr("150 frame sets"), HasSubstr("0 missing, 0 corrupted")));
+    const Replayed by_fps = replay(
+        {recording("frames: " + file(c.first) + ", fps: 30000/1000", "frames: " + file(c.second) + ", fps: 30")});
+    EXPECT_LT(by_fps.rms_mm, c.most_mm) << by_fps.text;
+    EXPECT_THAT(by_fps.text, testing::Not(HasSubstr("fps out")));
+  }
+}
+
+TEST_F(FieldCases, FieldPicturesAreFrames) {
+  const Replayed paff = replay({recording("frames: " + file("paff/paff0.mts") + ", fps: 30",
+                                          "frames: " + file("paff/paff1.mts") + ", fps: 30")});
+  EXPECT_LT(paff.rms_mm, 10) << paff.text;  // half of the rows
+  EXPECT_THAT(paff.text, AllOf(HasSubstr("20 frame sets"), HasSubstr("0 corrupted"), HasSubstr("is interlaced")));
+}
+
+TEST_F(FieldCases, ImagesAreInTheOrderOfTheirNumbers) {
+  const auto by_number = replay({file("glob_order/recording.yaml")});
+  EXPECT_EQ(by_number.status, 0) << by_number.text;
+  EXPECT_LT(by_number.rms_mm, 3.5) << by_number.text;
+  // As letters order them: named.
+  for (const std::string camera : {"cam0", "cam1"}) {
+    std::vector<fs::path> images;
+    for (const auto& entry : fs::directory_iterator(field_cases / "glob_order" / camera))
+      images.push_back(entry.path());
+    std::ranges::sort(images);
+    fs::create_directories(folder_ / camera);
+    for (std::size_t k = 0; k < images.size(); ++k)
+      fs::create_symlink(images[k], folder_ / camera / (std::to_string(k) + ".jpg"));
+  }
+  const auto by_letter = replay({recording("frames: cam0/%d.jpg, fps: 30", "frames: cam1/%d.jpg, fps: 30")});
+  EXPECT_EQ(by_letter.status, 3) << by_letter.text;
+  EXPECT_THAT(by_letter.text, HasSubstr("not in the order in which they were taken"));
+}
+
+TEST_F(FieldCases, TablesOfTimesAreReadOrRefusedForTheRightReason) {
+  struct Case {
+    std::string table, refused;  // "": read
+  };
+  for (const Case& c :
+       {Case{"savetxt_t.csv", ""}, Case{"savetxt.csv", ""}, Case{"semicolon.csv", ""}, Case{"crlf_bom.csv", ""},
+        Case{"ms_named.csv", ""}, Case{"ms.csv", "they look like milliseconds: name the column t_ms"},
+        Case{"iso.csv", "must be a time in seconds"}, Case{"caliscope_history.csv", "it has sync_index, port"}}) {
+    const std::string times = ", timestamps: " + file("tables/" + c.table);
+    const Replayed result = replay(
+        {recording("frames: " + file("badsei/badsei0.mp4") + times, "frames: " + file("badsei/badsei1.mp4") + times)});
+    EXPECT_EQ(result.status, c.refused.empty() ? 0 : 1) << result.text;
+    EXPECT_THAT(result.text, HasSubstr(c.refused)) << c.table;
+    if (c.refused.empty()) {
+      EXPECT_LT(result.rms_mm, 3) << c.table << result.text;
+    }
+  }
+}
+
+TEST_F(FieldCases, TruthsAreReadOrNamed) {
+  const auto with = [&](const std::string& table, const std::string& offset) {
+    return replay({recording("frames: " + file("badsei/badsei0.mp4") + ", fps: 30, offset_s: " + offset,
+                             "frames: " + file("badsei/badsei1.mp4") + ", fps: 30, offset_s: " + offset)},
+                  field_cases / "tables" / table);
+  };
+  for (const std::string table : {"truth_savetxt.csv", "truth_excel_de.csv"})
+    EXPECT_LT(with(table, "0").rms_mm, 3) << table;
+  for (const std::string table : {"truth_savetxt_10s.csv", "truth_plain_10s.csv"})
+    EXPECT_LT(with(table, "20").rms_mm, 3) << table;
+  EXPECT_THAT(with("truth_mm.csv", "0").text, HasSubstr("millimetres"));
+  EXPECT_THAT(with("truth_plain_10s.csv", "0").text, HasSubstr("nothing can be compared"));
+  EXPECT_THAT(with("truth_motive.csv", "0").text, HasSubstr("has no column t: it has Format Version"));
+}
+
+}  // namespace
+}  // namespace huetrack::end_to_end

@@ -1,0 +1,123 @@
+// Packets and shown pictures in every order: which stamp each picture gets.
+#include "recordings/picture_order.h"
+
+#include <gmock/gmock.h>
+
+namespace huetrack::recordings {
+namespace {
+
+using testing::ElementsAre;
+using testing::IsEmpty;
+using Stamp = std::optional<std::int64_t>;
+
+// A frame that remembers its number.
+capture::FramePtr frame(int number) {
+  capture::FramePtr made(av_frame_alloc());
+  made->width = number;
+  return made;
+}
+
+// (stamp, number of the frame; 0: lost), and forgets them.
+std::vector<std::pair<Stamp, int>> taken(PictureOrder& order) {
+  std::vector<std::pair<Stamp, int>> pictures;
+  while (auto picture = order.next()) pictures.emplace_back(picture->stamp, picture->frame ? picture->frame->width : 0);
+  return pictures;
+}
+
+TEST(PictureOrder, APictureHasItsPacketsStamp) {  // I P B B
+  PictureOrder order;
+  order.sent(0), order.sent(3);
+  order.shown(0, frame(1));
+  order.sent(1), order.shown(1, frame(2));
+  order.sent(2), order.shown(2, frame(3));
+  EXPECT_THAT(taken(order), ElementsAre(std::pair(0, 1), std::pair(1, 2), std::pair(2, 3)));
+  order.shown(3, frame(4));
+  order.end();
+  EXPECT_THAT(taken(order), ElementsAre(std::pair(3, 4)));
+  EXPECT_FALSE(order.had_stamps_of_decoding());
+}
+
+TEST(PictureOrder, ALostPictureIsGivenInItsPlace) {
+  PictureOrder order;
+  for (int k = 0; k < 30; ++k) {
+    order.sent(k);
+    if (k != 4) order.shown(k, frame(k + 1));
+  }
+  const auto pictures = taken(order);
+  ASSERT_EQ(pictures.size(), 30u);
+  for (int k = 0; k < 30; ++k) EXPECT_EQ(pictures[std::size_t(k)], std::pair(Stamp(k), k == 4 ? 0 : k + 1));
+}
+
+TEST(PictureOrder, ALostLastPictureIsGivenAtTheEnd) {
+  PictureOrder order;
+  order.sent(0), order.sent(1), order.shown(0, frame(1)), order.end();
+  EXPECT_THAT(taken(order), ElementsAre(std::pair(0, 1), std::pair(1, 0)));
+}
+
+TEST(PictureOrder, StampsInTheOrderOfDecodingAreGivenInTheOrderShown) {  // I P B B P B B with 0 1 2 3 4 5 6
+  PictureOrder order;
+  order.sent(0), order.sent(1), order.sent(2);
+  order.shown(0, frame(1)), order.shown(2, frame(2));
+  order.sent(3), order.shown(3, frame(3));
+  order.sent(4), order.shown(1, frame(4));
+  order.sent(5), order.shown(5, frame(5));
+  order.sent(6), order.shown(6, frame(6));
+  order.shown(4, frame(7));
+  order.end();
+  EXPECT_THAT(taken(order), ElementsAre(std::pair(0, 1), std::pair(1, 2), std::pair(2, 3), std::pair(3, 4),
+                                        std::pair(4, 5), std::pair(5, 6), std::pair(6, 7)));
+  EXPECT_TRUE(order.had_stamps_of_decoding());
+}
+
+// An edit list for B frames, made from stamps of decoding, trims pictures of the film.
+TEST(PictureOrder, StampsOfDecodingTrimNothing) {
+  PictureOrder order;
+  order.sent(-2, true), order.sent(-1, true), order.sent(0), order.sent(1);
+  order.shown(-2, frame(1)), order.shown(0, frame(2)), order.shown(1, frame(3));
+  order.sent(2), order.shown(-1, frame(4));
+  order.shown(2, frame(5));
+  order.end();
+  EXPECT_THAT(taken(order),
+              ElementsAre(std::pair(0, 1), std::pair(1, 2), std::pair(2, 3), std::pair(3, 4), std::pair(4, 5)));
+}
+
+TEST(PictureOrder, TrimmedPicturesAreLeftOut) {
+  PictureOrder order;
+  for (int k = -40; k < 3; ++k) order.sent(k, k < 0), order.shown(k, frame(k + 100));
+  order.end();
+  EXPECT_THAT(taken(order), ElementsAre(std::pair(0, 100), std::pair(1, 101), std::pair(2, 102)));
+}
+
+TEST(PictureOrder, CountedPacketsGiveTheEarliestStamp) {  // I P B B in AVI
+  PictureOrder order;
+  order.count_packets();
+  order.sent(0), order.sent(1), order.shown(std::nullopt, frame(1));
+  order.sent(2), order.shown(2, frame(2));
+  order.sent(3), order.failed();
+  order.sent(4), order.shown(std::nullopt, frame(3));
+  order.end();
+  EXPECT_THAT(taken(order),
+              ElementsAre(std::pair(0, 1), std::pair(1, 2), std::pair(2, 0), std::pair(3, 3), std::pair(4, 0)));
+}
+
+TEST(PictureOrder, StampsThatJumpBackStay) {  // where files were joined
+  PictureOrder order;
+  order.sent(98), order.sent(99), order.sent(0);
+  order.shown(98, frame(1)), order.shown(99, frame(2)), order.shown(0, frame(3));
+  order.end();
+  EXPECT_THAT(taken(order), ElementsAre(std::pair(98, 1), std::pair(99, 2), std::pair(0, 3)));
+  EXPECT_FALSE(order.had_stamps_of_decoding());
+}
+
+TEST(PictureOrder, PicturesWithoutStampsAreCounted) {
+  PictureOrder order;
+  order.sent(std::nullopt), order.sent(std::nullopt), order.sent(std::nullopt);
+  order.shown(std::nullopt, frame(1)), order.shown(std::nullopt, frame(2));
+  EXPECT_THAT(taken(order), ElementsAre(std::pair(Stamp(), 1), std::pair(Stamp(), 2)));
+  order.end();
+  EXPECT_THAT(taken(order), ElementsAre(std::pair(Stamp(), 0)));
+  EXPECT_THAT(taken(order), IsEmpty());
+}
+
+}  // namespace
+}  // namespace huetrack::recordings

@@ -1,0 +1,289 @@
+// Files as cameras, phones and other programs make them: every picture at its own time, turned as players show it.
+#include <gmock/gmock.h>
+
+#include <map>
+
+#include "calib/files/config_error.h"
+#include "capture/clips.h"
+#include "recordings/replay_source.h"
+
+namespace huetrack::recordings {
+namespace {
+
+using namespace std::chrono_literals;
+using capture::Clip;
+using testing::AllOf;
+using testing::Contains;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::SizeIs;
+
+struct Played {
+  std::vector<int> shown;         // by the picture; -1: corrupted
+  std::vector<double> at_frames;  // times * fps
+  std::vector<capture::Image> images;
+  std::vector<std::string> warnings;
+};
+
+constexpr int fps = 10;  // of all clips
+
+Played play(const std::filesystem::path& frames, double given_fps = 0) {
+  Recording recording;
+  recording.file = "recording.yaml";
+  recording.cameras.resize(1);
+  recording.cameras[0].name = "cam";
+  recording.cameras[0].frames = frames;
+  recording.cameras[0].fps = given_fps;
+  const std::vector<std::string> names{"cam"};
+  ReplaySource source(recording, names, {});
+  Played played;
+  while (const auto frame = source.next({})) {
+    const bool is_whole = frame->status == capture::FrameStatus::ok;
+    played.shown.push_back(is_whole ? capture::frame_shown_by(frame->pixels) : -1);
+    played.at_frames.push_back(capture::seconds(frame->stamped_at) * fps);
+    if (is_whole) played.images.push_back(frame->pixels);
+  }
+  played.warnings = source.take_warnings();
+  return played;
+}
+
+std::vector<int> numbers_to(int count) {
+  std::vector<int> numbers;
+  for (int k = 0; k < count; ++k) numbers.push_back(k);
+  return numbers;
+}
+
+// At even times, from whenever on.
+void expect_even_times(const Played& played) {
+  for (std::size_t k = 0; k < played.at_frames.size(); ++k)
+    EXPECT_NEAR(played.at_frames[k] - played.at_frames[0], double(k), 0.03) << k;
+}
+
+class FieldFile : public testing::Test {
+ protected:
+  std::filesystem::path write(const std::string& name, const Clip& clip) {
+    capture::write_clip(folder / name, clip);
+    return folder / name;
+  }
+  capture::TemporaryFolder folder;
+};
+
+Clip with_b_frames(const std::string& codec = "mpeg4") {
+  return {.codec = codec, .format = AV_PIX_FMT_YUV420P, .frames = 18, .key_frame_every = 6, .b_frames = 2};
+}
+
+// ---- Times and order
+
+TEST_F(FieldFile, BFramesInAviHaveTheTimesOfTheirPlace) {
+  for (const std::string codec : {"mpeg4", "libx264", "mpeg2video"})
+    for (const double given : {0., 10.}) {
+      const Played played = play(write("a.avi", with_b_frames(codec)), given);
+      EXPECT_THAT(played.shown, numbers_to(18)) << codec;
+      expect_even_times(played);
+      EXPECT_THAT(played.warnings, IsEmpty()) << codec;
+    }
+}
+
+TEST_F(FieldFile, StampsInTheOrderOfDecodingAreNamedAndPutInOrder) {
+  for (const std::string file : {"a.mkv", "a.mp4", "a.mov", "a.ts"})
+    for (const std::string codec : {"mpeg4", "libx264"}) {
+      Clip clip = with_b_frames(codec);
+      clip.tamper = [](int k, AVPacket& packet) {
+        packet.pts = packet.dts = k - 2;
+        return true;
+      };
+      const Played played = play(write(file, clip));
+      EXPECT_THAT(played.shown, numbers_to(18)) << file << codec;
+      expect_even_times(played);
+      EXPECT_THAT(played.warnings, ElementsAre(AllOf(HasSubstr(file), HasSubstr("in the order in which"),
+                                                     HasSubstr("give timestamps"))));
+      const Played given = play(folder / file, fps);
+      EXPECT_THAT(given.shown, numbers_to(18)) << file << codec;
+      EXPECT_THAT(given.warnings, IsEmpty()) << file << codec;
+    }
+}
+
+// An edit list trims the first frames, of which others are predicted.
+TEST_F(FieldFile, TrimmedFilesBeginAtTheirFirstFrameAndAreWhole) {
+  for (const auto& [codec, b_frames] : {std::pair<std::string, int>{"mpeg4", 0}, {"mpeg4", 2}, {"libx264", 2}})
+    for (const std::string file : {"a.mp4", "a.mov"}) {
+      Clip clip = with_b_frames(codec);
+      clip.b_frames = b_frames;
+      clip.tamper = [](int, AVPacket& packet) {
+        packet.pts -= 4, packet.dts -= 4;
+        return true;
+      };
+      const Played played = play(write(file, clip));
+      EXPECT_THAT(played.warnings, IsEmpty()) << file << codec;
+      ASSERT_THAT(played.shown, SizeIs(14)) << file << codec;
+      for (int k = 0; k < 14; ++k) EXPECT_EQ(played.shown[std::size_t(k)], k + 4) << file << codec;
+      EXPECT_NEAR(played.at_frames[0], 0, 0.01);
+      expect_even_times(played);
+    }
+}
+
+TEST_F(FieldFile, StampsThatGoBackAreCounted) {
+  Clip clip{.frames = 10};
+  clip.tamper = [](int k, AVPacket& packet) {
+    if (k >= 6) packet.pts -= 3, packet.dts -= 3;
+    return true;
+  };
+  write("a.nut", clip);
+  const Played played = play(folder / "a.nut");
+  EXPECT_THAT(played.warnings,
+              Contains(AllOf(HasSubstr("go back, first at frame 6 (at 0.500 s), by up to 0.200 s: 3 frames"),
+                             HasSubstr("give fps or timestamps"))));
+  EXPECT_THAT(play(folder / "a.nut", fps).shown, numbers_to(10));
+}
+
+// ---- Remarks
+
+// A message whose size says more than there is, as some drones write into every picture.
+TEST_F(FieldFile, DamagedSupplementalMessagesAreNoLostPictures) {
+  for (const auto& [codec, type] :
+       {std::pair<std::string, std::string>{"libx264", "\x06"}, {"libx265", std::string("\x4E\x01", 2)}})
+    for (const std::string file : {"a.mp4", "a.mkv", "a.ts"}) {
+      Clip clip = with_b_frames(codec);
+      clip.width = clip.height = 64;
+      clip.tamper = [&, message = std::string("\0\0\0\1", 4) + type + "\x01\xFF\xFF\xFF\x8B" + std::string(64, 'U') +
+                                  "\x80"](int, AVPacket& packet) {
+        const int size = packet.size;
+        capture::check(av_grow_packet(&packet, int(message.size())), "packet");
+        std::memmove(packet.data + message.size(), packet.data, std::size_t(size));
+        std::memcpy(packet.data, message.data(), message.size());
+        return true;
+      };
+      const Played played = play(write(file, clip));
+      EXPECT_THAT(played.shown, numbers_to(18)) << file << codec;
+      EXPECT_THAT(played.warnings, IsEmpty()) << file << codec;
+    }
+}
+
+// ---- What a stream says of its pictures
+
+TEST_F(FieldFile, OnlyTheFirstFieldOfInterlacedFramesIsShown) {
+  struct Kind {
+    std::string file, codec;
+    AVPixelFormat format;
+  };
+  for (const Kind& kind : {Kind{"a.mkv", "ffv1", AV_PIX_FMT_YUV422P}, Kind{"a.ts", "mpeg2video", AV_PIX_FMT_YUV420P},
+                           Kind{"a.mp4", "libx264", AV_PIX_FMT_YUV420P}, Kind{"a.mov", "mpeg4", AV_PIX_FMT_YUV420P}})
+    for (const auto fields : {Clip::Fields::top_first, Clip::Fields::bottom_first}) {
+      Clip clip{.codec = kind.codec, .format = kind.format, .height = 64, .fields = fields};
+      const Played played = play(write(kind.file, clip));
+      EXPECT_THAT(played.shown, numbers_to(12)) << kind.codec << int(fields);
+      for (const capture::Image& image : played.images)
+        for (int v = image.height / 2 - 2; v <= image.height / 2 + 2; ++v)
+          EXPECT_NEAR(capture::yuv_at(image, 32, v).y, capture::yuv_at(image, 32, 32).y, 3) << kind.codec;
+      EXPECT_THAT(played.warnings, ElementsAre(AllOf(HasSubstr(kind.file), HasSubstr("is interlaced")))) << kind.codec;
+    }
+}
+
+TEST_F(FieldFile, PicturesAreTurnedAsTheirTagSays) {
+  for (const double degrees : {90., 180., 270.}) {
+    Clip clip{.codec = "mpeg4", .format = AV_PIX_FMT_YUV420P, .frames = 2};
+    const Played stored = play(write("a.mp4", clip));
+    clip.turned_deg = degrees;
+    const Played played = play(write("a.mov", clip));
+    const capture::Image &from = stored.images[0], &to = played.images[0];
+    const bool swaps = degrees != 180;
+    ASSERT_EQ(to.width, swaps ? from.height : from.width);
+    ASSERT_EQ(to.height, swaps ? from.width : from.height);
+    for (int v = 0; v < from.height; ++v)
+      for (int u = 0; u < from.width; ++u) {
+        const auto stored_pixel = capture::yuv_at(from, u, v);
+        const auto turned_pixel = degrees == 90    ? capture::yuv_at(to, from.height - 1 - v, u)
+                                  : degrees == 180 ? capture::yuv_at(to, from.width - 1 - u, from.height - 1 - v)
+                                                   : capture::yuv_at(to, v, from.width - 1 - u);
+        ASSERT_EQ(turned_pixel.y, stored_pixel.y) << degrees << " at " << u << "," << v;
+        ASSERT_EQ(turned_pixel.u, stored_pixel.u);
+      }
+    EXPECT_THAT(played.warnings, ElementsAre(HasSubstr("turned by")));
+    EXPECT_THAT(stored.warnings, IsEmpty());
+  }
+}
+
+TEST_F(FieldFile, PixelsThatAreNotSquareAreNamed) {
+  const Clip clip{.codec = "mpeg4", .format = AV_PIX_FMT_YUV420P, .pixel_shape = {4, 3}};
+  const Played played = play(write("a.mkv", clip));
+  EXPECT_THAT(played.shown, numbers_to(12));
+  EXPECT_THAT(played.warnings, ElementsAre(HasSubstr("has pixels of 1.333 : 1")));
+}
+
+// ---- Every format that is allowed
+
+struct Format {
+  std::string file, codec;
+  AVPixelFormat format;
+  int width = 64, height = 48;
+};
+void PrintTo(const Format& format, std::ostream* out) {
+  *out << format.codec << " in " << format.file;
+}
+
+class EveryFormat : public testing::TestWithParam<Format> {};
+
+TEST_P(EveryFormat, ShowsEveryPicture) {
+  const Format& kind = GetParam();
+  const capture::TemporaryFolder folder;
+  Clip clip{.codec = kind.codec, .format = kind.format, .width = kind.width, .height = kind.height, .fps = 25};
+  capture::write_clip(folder / kind.file, clip);
+  const Played played = play(folder / kind.file, 25);
+  EXPECT_THAT(played.shown, numbers_to(12));
+  EXPECT_THAT(played.warnings, testing::Each(HasSubstr("is interlaced")));  // DV always is
+}
+
+constexpr auto yuv420 = AV_PIX_FMT_YUV420P;
+INSTANTIATE_TEST_SUITE_P(
+    Containers, EveryFormat,
+    testing::Values(Format{"a.mkv", "libx264", yuv420}, Format{"a.webm", "libvpx", yuv420},
+                    Format{"a.mov", "prores", AV_PIX_FMT_YUV422P10}, Format{"a.mp4", "libx265", yuv420, 64, 64},
+                    Format{"a.avi", "mpeg4", yuv420}, Format{"a.mjpeg", "mjpeg", AV_PIX_FMT_YUVJ420P},
+                    Format{"a.ts", "mpeg2video", yuv420}, Format{"a.mpg", "mpeg2video", yuv420},
+                    Format{"a.m2v", "mpeg2video", yuv420}, Format{"a.m4v", "mpeg4", yuv420},
+                    Format{"a.h264", "libx264", yuv420}, Format{"a.hevc", "libx265", yuv420, 64, 64},
+                    Format{"a.obu", "libaom-av1", yuv420}, Format{"a.ivf", "libvpx-vp9", yuv420},
+                    Format{"a.ogv", "libtheora", yuv420}, Format{"a.asf", "wmv2", yuv420},
+                    Format{"a.flv", "flv", yuv420}, Format{"a.nut", "ffv1", yuv420},
+                    Format{"a.dv", "dvvideo", yuv420, 720, 576}, Format{"a.gif", "gif", AV_PIX_FMT_GRAY8},
+                    Format{"a.apng", "apng", AV_PIX_FMT_RGB24}, Format{"a.y4m", "rawvideo", yuv420},
+                    Format{"a.rm", "rv10", yuv420, 176, 144}, Format{"a.wtv", "mpeg2video", yuv420},
+                    Format{"a.mxf", "mpeg2video", yuv420}));
+INSTANTIATE_TEST_SUITE_P(
+    Images, EveryFormat,
+    testing::Values(Format{"%d.png", "png", AV_PIX_FMT_RGB24}, Format{"%d.jpg", "mjpeg", AV_PIX_FMT_YUVJ420P},
+                    Format{"%d.bmp", "bmp", AV_PIX_FMT_BGR24}, Format{"%d.tiff", "tiff", AV_PIX_FMT_RGB24},
+                    Format{"%d.tif", "tiff", AV_PIX_FMT_GRAY8}, Format{"%d.webp", "libwebp", yuv420},
+                    Format{"%d.jls", "jpegls", AV_PIX_FMT_GRAY8}, Format{"%d.jp2", "jpeg2000", AV_PIX_FMT_RGB24},
+                    Format{"%d.pgm", "pgm", AV_PIX_FMT_GRAY8}, Format{"%d.ppm", "ppm", AV_PIX_FMT_RGB24},
+                    Format{"%d.pam", "pam", AV_PIX_FMT_RGB24}, Format{"%d.qoi", "qoi", AV_PIX_FMT_RGB24},
+                    Format{"%d.dpx", "dpx", AV_PIX_FMT_RGB24}, Format{"%d.sgi", "sgi", AV_PIX_FMT_RGB24},
+                    Format{"%d.ras", "sunrast", AV_PIX_FMT_RGB24}));
+
+// ---- Files of field_cases, made from our own rendering
+
+const std::filesystem::path cases = "/work/shared/data/field_cases";
+
+TEST(FieldCases, ArePlayedWhole) {
+  if (!std::filesystem::exists(cases)) GTEST_SKIP() << "no " << cases;
+  for (const auto& [file, count] : std::map<std::string, std::size_t>{{"paff/paff0.mts", 20},
+                                                                      {"paff/paff1.mts", 20},
+                                                                      {"xvid_bframes_avi/avi_xvid_b0.avi", 150},
+                                                                      {"rawmux_bframes/rawmux0.mp4", 150},
+                                                                      {"badsei/badsei1.mp4", 150},
+                                                                      {"rot180/rot180_0.mp4", 150},
+                                                                      {"tiff/none.tif", 1},
+                                                                      {"tiff/lzw.tif", 1},
+                                                                      {"tiff/ff0001.tif", 1},
+                                                                      {"glob_order/cam0/*.jpg", 120}}) {
+    const bool is_still = file.find(".mp4") == std::string::npos && file.find(".avi") == std::string::npos;
+    const Played played = play(cases / file, is_still ? 30 : 0);
+    EXPECT_THAT(played.shown, SizeIs(count)) << file;
+    EXPECT_THAT(played.images, SizeIs(count)) << file;
+    for (const auto& warning : played.warnings) EXPECT_THAT(warning, testing::Not(HasSubstr("decode"))) << file;
+  }
+}
+
+}  // namespace
+}  // namespace huetrack::recordings

@@ -1,0 +1,75 @@
+// Pictures in a wrong order are named; a ball that is thrown, bounces, or is hidden is not.
+#include "view_watch/jump_watch.h"
+
+#include <gmock/gmock.h>
+
+#include <cmath>
+#include <functional>
+#include <numeric>
+
+namespace huetrack::view_watch {
+namespace {
+
+using Path = std::function<Eigen::Vector2d(double)>;  // pixels at a time
+
+// As two cameras see it, at 30 sets a second, in that order of sets.
+std::optional<Jumps> watched(const Path& path, const std::vector<int>& order) {
+  JumpWatch watch(2);
+  std::optional<Jumps> found;
+  for (std::size_t k = 0; k < order.size(); ++k) {
+    std::vector<object_tracking::SeenRegion> regions;
+    for (int camera = 0; camera < 2; ++camera) {
+      const Eigen::Vector2d px = path(order[k] / 30.);
+      if (px.allFinite()) regions.push_back({.camera = camera, .px = (1 + 0.2 * camera) * px, .radius_px = 10});
+    }
+    watch.look(regions, double(k) / 30, 0.04);
+    if (watch.jumps()) found = watch.jumps();
+  }
+  return found;
+}
+
+std::vector<int> as_taken(int count = 150) {
+  std::vector<int> order(static_cast<std::size_t>(count));
+  std::iota(order.begin(), order.end(), 0);
+  return order;
+}
+
+Eigen::Vector2d waved(double t) {
+  return {320 + 250 * std::sin(2.2 * t), 240 + 150 * std::cos(1.7 * t)};
+}
+
+TEST(JumpWatch, NamesPicturesInTheOrderOfLetters) {
+  std::vector<std::string> names;
+  for (const int k : as_taken()) names.push_back(std::to_string(k + 1));
+  std::ranges::sort(names);
+  std::vector<int> order;
+  for (const auto& name : names) order.push_back(std::stoi(name) - 1);
+  const auto found = watched(waved, order);
+  ASSERT_TRUE(found);
+  EXPECT_GE(found->count, 4);
+  EXPECT_GT(found->largest_m, 0.4);
+}
+
+TEST(JumpWatch, ABallsOwnMotionIsNone) {
+  EXPECT_FALSE(watched(waved, as_taken()));
+  // Thrown to and fro: at rest, then 100 px a frame.
+  EXPECT_FALSE(watched([](double t) { return Eigen::Vector2d(100 * std::clamp(30 * std::sin(9 * t), -4., 4.), 9); },
+                       as_taken()));
+  // Bounces.
+  EXPECT_FALSE(watched([](double t) { return Eigen::Vector2d(9, 400 * std::abs(std::sin(12 * t))); }, as_taken()));
+  // Hidden half of the time while it goes on.
+  EXPECT_FALSE(watched(
+      [](double t) {
+        return std::fmod(t, 0.5) < 0.25 ? Eigen::Vector2d(waved(3 * t)) : Eigen::Vector2d::Constant(std::nan(""));
+      },
+      as_taken()));
+}
+
+TEST(JumpWatch, OneJumpMayBeAnotherObject) {
+  std::vector<int> order = as_taken(60);
+  for (const int k : as_taken(60)) order.push_back(k + 300);
+  EXPECT_FALSE(watched(waved, order));
+}
+
+}  // namespace
+}  // namespace huetrack::view_watch
