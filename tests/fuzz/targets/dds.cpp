@@ -55,6 +55,7 @@ void decode(msg::CameraFrame& message) {
   if (fuzz::is_long_to_decode({reinterpret_cast<const char*>(bytes.data()), bytes.size()})) return;
   capture::JpegReader decoder;
   const capture::Image image = hosts::from_message(std::move(message), decoder).pixels;
+  capture::require_all(image);
   volatile unsigned sum = 0;  // so that the reading stays
   for (int p = 0; p < 3; ++p) {
     const capture::Plane& plane = image.planes[static_cast<std::size_t>(p)];
