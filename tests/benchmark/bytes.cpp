@@ -4,6 +4,7 @@
 //   on demand  the bytes are indexed, the pixels are decoded where they are looked at, then tracked
 //   OpenCV     what a user would write: imdecode, cvtColor, inRange, connectedComponents, triangulation
 // Besides: libjpeg-turbo's planar decode alone, the index alone, and the share of the pictures that was decoded.
+// Then a camera host with `send: matches`: from a JPEG to the message, pictures decoded whole and on demand.
 //   bytes [ROUNDS, 5]
 #include <algorithm>
 #include <array>
@@ -22,6 +23,8 @@
 #include "capture/frames/light_watch.h"
 #include "capture/frames/repeat_watch.h"
 #include "capture/jpeg/jpeg_reader.h"
+#include "color/match_tiles.h"
+#include "hosts/match_finder.h"
 #include "pictures/pictures.h"
 
 namespace {
@@ -185,6 +188,41 @@ void measure(const Size& size, int rounds) {
   std::fflush(stdout);
 }
 
+// A host's CPU time of a frame: JPEG to matches of one colour, with the pixels around one outline.
+void measure_host(const Size& size, int rounds) {
+  figures::Sequence sequence = figures::scene_at(cameras, size.width, size.height, sets);
+  compress(sequence);
+  const hosts::MatchFinderOptions asked{
+      .colors = {color::matched_color(figures::lime_ball().color)},
+      .picture_every = std::chrono::seconds(1),
+      .patches = {{.u = size.width / 2, .v = size.height / 2, .width = 64, .height = 64}}};
+  std::array<std::vector<double>, 2> ms;
+  std::array<std::size_t, 2> sent{};
+  std::array<std::vector<hosts::MatchFinder>, 2> finders;
+  for (auto& of : finders) of = std::vector<hosts::MatchFinder>(cameras);
+  std::array<std::int64_t, 2> count{};
+  for (int round = -1; round < rounds; ++round) {
+    for (const std::size_t way : {0U, 1U}) {
+      capture::JpegReader::set_reading(way == 0 ? capture::JpegReading::whole : capture::JpegReading::on_demand);
+      const double begin = cpu_ms();
+      for (int i = 0; i < sets_per_round; ++i) {
+        ++count[way];
+        for (std::size_t c = 0; c < cameras; ++c) {
+          capture::Frame frame = *sequence.sets[std::size_t(i % sets)].frames[c];
+          frame.stamped_at = capture::Timestamp(capture::duration_of(double(count[way]) / 30));
+          const auto bytes = finders[way][c].find(frame, asked);
+          if (round >= 0 && bytes) sent[way] += bytes->size();
+        }
+      }
+      if (round >= 0) ms[way].push_back(cpu_ms() - begin);
+    }
+  }
+  capture::JpegReader::set_reading(capture::JpegReading::on_demand);
+  const double before = per_frame(ms[0]), now = per_frame(ms[1]);
+  std::printf("host, %dx%d: %.2f ms a frame whole, %.2f on demand: %.2f (aim 0.50); %s bytes\n", size.width,
+              size.height, before, now, now / before, sent[0] == sent[1] ? "the same" : "OTHER");
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -195,5 +233,6 @@ int main(int argc, char** argv) {
       "size           JPEG |  whole on demand  OpenCV | planar   index | demand/whole   OpenCV/d. | decoded | tracked");
   for (const Size& size : {Size{640, 480, 0.4}, {1280, 720, 0.3}, {1920, 1080, 0.25}, {1920, 1440, 0.25}})
     measure(size, rounds);
+  measure_host({1280, 720, 0.5}, rounds);
   return 0;
 }
