@@ -28,7 +28,7 @@ class JpegIndexPool {
 };
 
 // Immutable and thread-safe. Memory: about the JPEG's size, 4 bytes per MCU and 2 per block.
-class JpegIndex {
+class JpegIndex : public std::enable_shared_from_this<JpegIndex> {
  public:
   ~JpegIndex();
   JpegIndex(const JpegIndex&) = delete;
@@ -59,7 +59,7 @@ class JpegIndex {
 
   // The picture at 1/8 size: each pixel is the mean of an 8x8 block of its component, from the DC coefficient alone
   // (what a 1/8 decode of libjpeg gives). Same format and range. Size: whole MCUs / 8; what lies beyond the image's
-  // edge is the encoder's padding.
+  // edge is the encoder's padding. The image keeps this index.
   Image eighth() const;
 
  private:
