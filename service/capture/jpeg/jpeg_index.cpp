@@ -15,7 +15,13 @@ namespace huetrack::capture {
 namespace {
 
 constexpr std::size_t most_bytes = std::size_t{1} << 28;  // their bits are counted in 32 bits
-constexpr std::int64_t most_dc = std::int64_t{1} << 30;   // libjpeg refuses what 32 bits do not hold
+
+// Bits that are worth a lane of their own: a lane that begins anywhere finds the true codes after some 2000 bits.
+constexpr std::size_t least_lane_bits = 16384;
+
+bool is_decodable(std::uint32_t position) {
+  return (position & McuLane::not_decodable) == 0;
+}
 
 std::size_t in_units(int n, int unit) {
   return static_cast<std::size_t>((n + unit - 1) / unit);
@@ -36,45 +42,63 @@ JpegIndexPool::~JpegIndexPool() = default;
 
 // All of it is made anew by make(), in memory of earlier frames where there is enough.
 struct JpegIndex::Impl {
-  // One value per block of a component, in whole MCUs.
-  struct Blocks {
-    std::vector<std::int16_t> dc;
-    std::size_t columns = 0, rows = 0;
-  };
-
   bool make(std::span<const std::uint8_t> jpeg, int width, int height);
   bool make_tables();
   void lay_out_blocks();
   bool skip_all();
+  void skip_intervals(std::size_t first, std::size_t intervals);
+  bool skip_interval(std::size_t mcus, const EntropyBytes::Interval& interval);
+  std::size_t lanes_of(std::size_t mcus, const EntropyBytes::Interval& interval);
+  bool join(McuLane lane, std::span<const McuLane> guessed, std::size_t end);
   bool is_end_sound(std::span<const std::uint8_t> jpeg, int padding) const;
+  bool sum_differences();
   void make_eighth();
 
   std::size_t components() const { return static_cast<std::size_t>(header.components); }
+  std::size_t block_columns(std::size_t c) const {
+    return mcu_columns * static_cast<std::size_t>(header.component[c].h);
+  }
+  std::size_t block_rows(std::size_t c) const { return mcu_rows * static_cast<std::size_t>(header.component[c].v); }
+  McuLane lane_at(std::size_t mcu, std::size_t most, const EntropyBytes::Interval& interval) {
+    return {.bit = 8 * interval.begin,
+            .stop = 8 * interval.end,
+            .left = most,
+            .positions = positions.data() + mcu,
+            .differences = dc.data() + mcu * blocks.size()};
+  }
 
   JpegHeader header;
   EntropyBytes data;
   std::array<ComponentTables, 3> tables;
   std::array<std::size_t, 3> table_of{};  // each component's tables
   std::size_t mcu_columns = 0, mcu_rows = 0;
-  std::array<Blocks, 3> blocks;
-  std::vector<std::uint32_t> positions;    // of MCUs, bits
-  std::vector<std::size_t> interval_ends;  // bits behind each interval's last MCU
+  std::vector<std::size_t> blocks;                   // of an MCU: their components
+  std::vector<const ComponentTables*> block_tables;  // and tables
+  std::vector<std::uint32_t> positions;              // of MCUs, bits
+  std::vector<std::int16_t> dc;                      // of all blocks, MCU by MCU, modulo 2^16
+  std::vector<std::size_t> interval_ends;            // bits behind each interval's last MCU
+  struct Guess {                                     // what a lane that began anywhere has skipped
+    std::vector<std::uint32_t> positions;
+    std::vector<std::int16_t> differences;
+  };
+  std::array<Guess, most_mcu_lanes - 1> guesses;
+  std::mutex eighth_mutex;  // it is made when it is asked for
+  bool has_eighth = false;
   std::vector<std::uint8_t> eighth;
 };
 
 bool JpegIndex::Impl::make(std::span<const std::uint8_t> jpeg, int width, int height) {
   if (jpeg.size() >= most_bytes) return false;
-  auto read = read_jpeg_header(jpeg, width, height);
+  const auto read = read_jpeg_header(jpeg, width, height);
   if (!read) return false;
   header = *read;
+  has_eighth = false;
   if (!make_tables()) return false;
   lay_out_blocks();
-  const std::size_t mcus = mcu_columns * mcu_rows;
+  const std::size_t mcus = positions.size();
   const auto interval = static_cast<std::size_t>(header.restart_interval);
-  if (!data.take(jpeg, header.scan, interval == 0 ? 1 : (mcus + interval - 1) / interval)) return false;
-  if (!skip_all() || !is_end_sound(jpeg, header.padding)) return false;
-  make_eighth();
-  return true;
+  return data.take(jpeg, header.scan, interval == 0 ? 1 : (mcus + interval - 1) / interval) && skip_all() &&
+         is_end_sound(jpeg, header.padding) && sum_differences();
 }
 
 bool JpegIndex::Impl::make_tables() {
@@ -92,54 +116,101 @@ bool JpegIndex::Impl::make_tables() {
 void JpegIndex::Impl::lay_out_blocks() {
   mcu_columns = in_units(header.width, header.mcu_width());
   mcu_rows = in_units(header.height, header.mcu_height());
+  blocks.clear();
+  block_tables.clear();
+  for (std::size_t c = 0; c < components(); ++c)
+    for (int i = 0; i < header.component[c].h * header.component[c].v; ++i) {
+      blocks.push_back(c);
+      block_tables.push_back(&tables[table_of[c]]);
+    }
   positions.resize(mcu_columns * mcu_rows);
-  for (std::size_t c = 0; c < components(); ++c) {
-    blocks[c].columns = mcu_columns * static_cast<std::size_t>(header.component[c].h);
-    blocks[c].rows = mcu_rows * static_cast<std::size_t>(header.component[c].v);
-    blocks[c].dc.resize(blocks[c].columns * blocks[c].rows);
-  }
+  dc.resize(positions.size() * blocks.size());
 }
 
 bool JpegIndex::Impl::skip_all() {
-  std::array<McuBlock, 10> of_mcu;
-  const auto interval_of = [&](std::size_t mcu) {
-    return header.restart_interval == 0 ? 0 : mcu / static_cast<std::size_t>(header.restart_interval);
-  };
-  McuBits bits{.bytes = data.bytes.data(), .limit = data.bytes.data() + data.intervals.back().end, .bit = 0};
-  std::array<std::int64_t, 3> dc{};
   interval_ends.clear();
-  for (std::size_t row = 0; row < mcu_rows; ++row) {
-    std::size_t n = 0;
-    for (std::size_t c = 0; c < components(); ++c) {
-      const auto& component = header.component[c];
-      for (int v = 0; v < component.v; ++v)
-        for (int h = 0; h < component.h; ++h) {
-          const std::size_t block_row = row * static_cast<std::size_t>(component.v) + static_cast<std::size_t>(v);
-          of_mcu[n++] = {.tables = &tables[table_of[c]],
-                         .component = c,
-                         .dc = blocks[c].dc.data() + block_row * blocks[c].columns + h,
-                         .step = component.h};
-        }
-    }
-    const std::size_t row_end = (row + 1) * mcu_columns;
-    for (std::size_t mcu = row * mcu_columns; mcu < row_end;) {
-      const std::size_t interval = interval_of(mcu);
-      std::size_t end = row_end;
-      if (header.restart_interval != 0)
-        end = std::min(end, (interval + 1) * static_cast<std::size_t>(header.restart_interval));
-      if (interval != interval_ends.size()) {
-        interval_ends.push_back(bits.bit);
-        bits.bit = 8 * data.intervals[interval].begin;
-        dc = {};
-      }
-      if (!skip_mcus(bits, std::span(of_mcu).first(n), std::span(positions).subspan(mcu, end - mcu), dc)) return false;
-      mcu = end;
-    }
-    // No component has so many blocks in a row that it could leave 32 bits and come back.
-    if (std::ranges::any_of(dc, [](std::int64_t d) { return d < -most_dc || d > most_dc; })) return false;
+  if (header.restart_interval == 0) {
+    if (!skip_interval(positions.size(), data.intervals[0])) return false;
+  } else {
+    for (std::size_t first = 0; first < data.intervals.size(); first += most_mcu_lanes)
+      skip_intervals(first, std::min(most_mcu_lanes, data.intervals.size() - first));
   }
-  interval_ends.push_back(bits.bit);
-  return true;
+  return std::ranges::all_of(positions, is_decodable);
+}
+
+// Each interval is a lane.
+void JpegIndex::Impl::skip_intervals(std::size_t first, std::size_t intervals) {
+  std::array<McuLane, most_mcu_lanes> lanes;
+  const auto of_interval = static_cast<std::size_t>(header.restart_interval);
+  for (std::size_t i = 0; i < intervals; ++i) {
+    const std::size_t mcu = (first + i) * of_interval;
+    lanes[i] = lane_at(mcu, std::min(of_interval, positions.size() - mcu), data.intervals[first + i]);
+  }
+  skip_mcus(data.bytes.data(), block_tables, std::span(lanes).first(intervals));
+  for (std::size_t i = 0; i < intervals; ++i) {
+    if (lanes[i].left > 0) *lanes[i].positions = McuLane::not_decodable;  // too few bits
+    interval_ends.push_back(lanes[i].bit);
+  }
+}
+
+std::size_t JpegIndex::Impl::lanes_of(std::size_t mcus, const EntropyBytes::Interval& interval) {
+  // A lane with a wrong guess of which block of an MCU it begins with decodes chroma by luma's tables, loses the codes,
+  // and so gets another guess. With one table for all it would keep the first one.
+  if (blocks.size() > 1 && std::ranges::count(table_of, 0U) == header.components) return 1;
+  const std::size_t lanes =
+      std::clamp<std::size_t>(8 * (interval.end - interval.begin) / least_lane_bits, 1, most_mcu_lanes);
+  for (std::size_t i = 1; i < lanes; ++i) {
+    guesses[i - 1].positions.resize(mcus);
+    guesses[i - 1].differences.resize(mcus * blocks.size());
+  }
+  return lanes;
+}
+
+// All MCUs of an image without restart markers. Lane 0 begins where the interval does, the others somewhere in it, with
+// the first block of an MCU as they guess.
+bool JpegIndex::Impl::skip_interval(std::size_t mcus, const EntropyBytes::Interval& interval) {
+  std::array<McuLane, most_mcu_lanes> lanes;
+  const std::size_t n = lanes_of(mcus, interval), bytes_of_lane = (interval.end - interval.begin) / n;
+  lanes[0] = lane_at(0, mcus, interval);
+  for (std::size_t i = 1; i < n; ++i) {
+    lanes[i] = {.bit = 8 * (interval.begin + i * bytes_of_lane),
+                .stop = 8 * interval.end,
+                .left = mcus,
+                .positions = guesses[i - 1].positions.data(),
+                .differences = guesses[i - 1].differences.data()};
+    lanes[i - 1].stop = lanes[i].bit;
+  }
+  skip_mcus(data.bytes.data(), block_tables, std::span(lanes).first(n));
+  return join(lanes[0], std::span(lanes).subspan(1, n - 1), 8 * interval.end);
+}
+
+// The true MCUs are those of `lane`, to one that begins where an MCU of the next guessed lane begins: from there on, that
+// one is true. And so on.
+bool JpegIndex::Impl::join(McuLane lane, std::span<const McuLane> guessed, std::size_t end) {
+  for (std::size_t next = 0; next < guessed.size(); ++next) {
+    const Guess& guess = guesses[next];
+    const auto begins = std::span(guess.positions).first(guess.positions.size() - guessed[next].left);
+    auto begin = begins.begin();
+    while (lane.left > 0) {
+      while (begin != begins.end() && (*begin < lane.bit || !is_decodable(*begin))) ++begin;
+      if (begin == begins.end() || *begin == lane.bit) break;
+      lane.stop = std::min(std::size_t{*begin}, end);
+      skip_mcus(data.bytes.data(), block_tables, std::span(&lane, 1));
+      if (lane.bit >= end) break;
+    }
+    const auto taken = std::min(begins.end() - begin, static_cast<std::ptrdiff_t>(lane.left));
+    if (taken == 0) continue;
+    const auto per_mcu = static_cast<std::ptrdiff_t>(blocks.size());
+    lane.bit = begin + taken == begins.end() ? guessed[next].bit : begin[taken] & ~McuLane::not_decodable;
+    lane.positions = std::copy_n(begin, taken, lane.positions);
+    lane.differences = std::copy_n(guess.differences.begin() + (begin - begins.begin()) * per_mcu, taken * per_mcu,
+                                   lane.differences);
+    lane.left -= static_cast<std::size_t>(taken);
+  }
+  lane.stop = end;
+  skip_mcus(data.bytes.data(), block_tables, std::span(&lane, 1));
+  interval_ends.push_back(lane.bit);
+  return lane.left == 0;
 }
 
 // Each interval has the bits that its MCUs took, few bytes more, and the image ends behind the last one.
@@ -160,16 +231,38 @@ bool JpegIndex::Impl::is_end_sound(std::span<const std::uint8_t> jpeg, int paddi
   }
 }
 
+// Differences to values. False: one that 32 bits do not hold, which libjpeg refuses.
+bool JpegIndex::Impl::sum_differences() {
+  const std::size_t interval =
+      header.restart_interval == 0 ? positions.size() : static_cast<std::size_t>(header.restart_interval);
+  std::int16_t* value = dc.data();
+  for (std::size_t mcu = 0; mcu < positions.size();) {
+    std::array<std::int32_t, 3> last{};
+    const std::size_t end = std::min(positions.size(), mcu + interval);
+    for (; mcu < end; ++mcu)
+      for (const std::size_t c : blocks) {
+        if (__builtin_add_overflow(last[c], *value, &last[c])) return false;
+        *value++ = static_cast<std::int16_t>(last[c]);
+      }
+  }
+  return true;
+}
+
 void JpegIndex::Impl::make_eighth() {
-  std::size_t bytes = 0;
-  for (std::size_t c = 0; c < components(); ++c) bytes += blocks[c].dc.size();
-  eighth.resize(bytes);
-  auto out = eighth.begin();
+  eighth.resize(dc.size());
+  std::uint8_t* plane = eighth.data();
+  const std::int16_t* of_component = dc.data();
   for (std::size_t c = 0; c < components(); ++c) {
+    const auto h = static_cast<std::size_t>(header.component[c].h), v = static_cast<std::size_t>(header.component[c].v);
     const int step = header.component[c].steps[0];
-    out = std::ranges::transform(blocks[c].dc, out, [step](std::int16_t dc) {
-            return jpeg_mean(static_cast<std::int16_t>(dc * step));
-          }).out;
+    const std::int16_t* mcu = of_component;
+    for (std::size_t row = 0; row < mcu_rows; ++row)
+      for (std::size_t column = 0; column < mcu_columns; ++column, mcu += blocks.size())
+        for (std::size_t i = 0; i < h * v; ++i)
+          plane[(row * v + i / h) * block_columns(c) + column * h + i % h] =
+              jpeg_mean(static_cast<std::int16_t>(mcu[i] * step));
+    plane += block_columns(c) * block_rows(c);
+    of_component += h * v;
   }
 }
 
@@ -226,6 +319,7 @@ int JpegIndex::mcu_rows() const {
 void JpegIndex::decode(int mcu_v, int mcu_u0, int mcu_u1, const std::array<std::uint8_t*, 3>& planes,
                        const std::array<std::ptrdiff_t, 3>& strides) const {
   const Impl& impl = *impl_;
+  const std::size_t first = static_cast<std::size_t>(mcu_v) * impl.mcu_columns + static_cast<std::size_t>(mcu_u0);
   std::array<DecodedBlock, 10> of_mcu;
   std::size_t n = 0;
   for (std::size_t c = 0; c < impl.components(); ++c) {
@@ -234,34 +328,38 @@ void JpegIndex::decode(int mcu_v, int mcu_u0, int mcu_u1, const std::array<std::
       for (int h = 0; h < component.h; ++h) {
         const std::ptrdiff_t row = std::ptrdiff_t{mcu_v} * component.v + v;
         const std::ptrdiff_t column = std::ptrdiff_t{mcu_u0} * component.h + h;
-        of_mcu[n++] = {
-            .tables = &impl.tables[impl.table_of[c]],
-            .steps = component.steps.data(),
-            .dc = impl.blocks[c].dc.data() + row * static_cast<std::ptrdiff_t>(impl.blocks[c].columns) + column,
-            .step = component.h,
-            .pixels = planes[c] + 8 * row * strides[c] + 8 * column,
-            .stride = strides[c],
-            .pixel_step = std::ptrdiff_t{8} * component.h};
+        of_mcu[n] = {.tables = impl.block_tables[n],
+                     .steps = component.steps.data(),
+                     .dc = impl.dc.data() + first * impl.blocks.size() + n,
+                     .dc_step = static_cast<std::ptrdiff_t>(impl.blocks.size()),
+                     .pixels = planes[c] + 8 * row * strides[c] + 8 * column,
+                     .stride = strides[c],
+                     .pixel_step = std::ptrdiff_t{8} * component.h};
+        ++n;
       }
   }
-  const std::size_t first = static_cast<std::size_t>(mcu_v) * impl.mcu_columns + static_cast<std::size_t>(mcu_u0);
   decode_mcus(impl.data.bytes.data(),
               std::span(impl.positions).subspan(first, static_cast<std::size_t>(std::max(mcu_u1 - mcu_u0, 0))),
               std::span(of_mcu).first(n));
 }
 
 Image JpegIndex::eighth() const {
-  const Impl& impl = *impl_;
+  Impl& impl = *impl_;
+  {
+    const std::lock_guard lock(impl.eighth_mutex);
+    if (!impl.has_eighth) impl.make_eighth();
+    impl.has_eighth = true;
+  }
   Image image{.format = format(),
               .range = range(),
-              .width = static_cast<int>(impl.blocks[0].columns),
-              .height = static_cast<int>(impl.blocks[0].rows),
+              .width = static_cast<int>(impl.block_columns(0)),
+              .height = static_cast<int>(impl.block_rows(0)),
               .planes = {},
               .owner = shared_from_this()};
   const std::uint8_t* next = impl.eighth.data();
   for (std::size_t c = 0; c < impl.components(); ++c) {
-    image.planes[c] = {next, static_cast<std::ptrdiff_t>(impl.blocks[c].columns)};
-    next += impl.blocks[c].dc.size();
+    image.planes[c] = {next, static_cast<std::ptrdiff_t>(impl.block_columns(c))};
+    next += impl.block_columns(c) * impl.block_rows(c);
   }
   return image;
 }

@@ -1,5 +1,7 @@
 #include "capture/jpeg/mcu_kernels.h"
 
+#include <algorithm>
+#include <bit>
 #include <cstring>
 
 #include "capture/jpeg/bit_reader.h"
@@ -19,75 +21,137 @@ constexpr std::array<std::uint8_t, 64> row_order{0,  1,  8,  16, 9,  2,  3,  10,
                                                  35, 42, 49, 56, 57, 50, 43, 36, 29, 22, 15, 23, 30, 37, 44, 51,
                                                  58, 59, 52, 45, 38, 31, 39, 46, 53, 60, 61, 54, 47, 55, 62, 63};
 
-// What is left of a block, symbol by symbol.
-[[gnu::noinline]] bool skip_symbols(BitReader& reader, const CanonicalCode& code, unsigned done) {
+// A block, symbol by symbol.
+[[gnu::noinline]] bool skip_symbols(const std::uint8_t* bytes, const ComponentTables& tables, std::size_t& bit,
+                                    std::int16_t& difference) {
+  BitReader reader(bytes, bit);
+  const HuffmanSymbol dc = tables.dc_code.symbol(reader.next(16));
+  if (dc.bits == 0) return false;
+  reader.take(dc.bits);
+  difference = static_cast<std::int16_t>(coded_value(reader.bits(), dc.value));
+  reader.take(dc.value);
+  unsigned done = 1;
   while (done < 64) {
     reader.refill();
-    const HuffmanSymbol symbol = code.symbol(reader.next(16));
+    const HuffmanSymbol symbol = tables.ac_code.symbol(reader.next(16));
     if (symbol.bits == 0) return false;
-    const unsigned bits = symbol.value & 15, zeros = symbol.value >> 4;
-    reader.take(symbol.bits + bits);
-    if (bits == 0 && zeros != 15) return true;
-    done += zeros + 1;
+    const std::uint32_t entry = ac_symbol_entry(symbol);
+    reader.take(entry & 255);
+    done += entry >> 16 & 255;
   }
-  return done == 64;  // more: libjpeg writes them all to the last coefficient
+  bit = reader.bit_after(bytes);
+  return is_block_complete(done);  // more than 64 coefficients: libjpeg writes them all to the last one
 }
 
-[[gnu::noinline]] bool skip_symbols_from_dc(BitReader& reader, const ComponentTables& tables, int& difference) {
-  const HuffmanSymbol symbol = tables.dc_code.symbol(reader.next(16));
-  if (symbol.bits == 0) return false;
-  reader.take(symbol.bits);
-  difference = coded_value(reader.bits(), symbol.value);
-  reader.take(symbol.value);
-  return skip_symbols(reader, tables.ac_code, 1);
+[[gnu::always_inline]] inline std::uint64_t bits_at(const std::uint8_t* bytes, std::size_t bit) {  // 57 or more
+  std::uint64_t word;
+  std::memcpy(&word, bytes + bit / 8, sizeof word);
+  if constexpr (std::endian::native == std::endian::little) word = __builtin_bswap64(word);
+  return word << bit % 8;
 }
 
-[[gnu::always_inline]] inline bool skip_block(BitReader& reader, const ComponentTables& tables, int& difference) {
-  reader.refill();
-  const std::uint32_t start = tables.start[reader.next(ComponentTables::start_window)];
-  unsigned done = start >> 8 & 255;
-  difference = coded_value(reader.bits() << (start >> 16 & 63), start >> 24);
-  if (done >= 64) {
-    if (!is_block_complete(done)) return skip_symbols_from_dc(reader, tables, difference);
-    reader.take(start & 63);
-    return true;
+// One block of each lane. The lanes whose block is complete wait for the others, without a branch that would depend on one
+// lane's bits: what could not be predicted would cost all lanes their work under way.
+template <std::size_t lanes>
+[[gnu::always_inline]] inline void skip_block(const std::uint8_t* bytes, const ComponentTables& tables,
+                                              std::array<std::size_t, lanes>& bit, const std::array<std::int16_t*, lanes>& difference,
+                                              const std::array<std::uint32_t*, lanes>& position) {
+  constexpr int start_shift = 64 - ComponentTables::start_window, skip_shift = 64 - ComponentTables::skip_window;
+  const std::array<std::size_t, lanes> begin = bit;
+  std::array<int, lanes> done;  // coefficients - 64: negative while there are more
+  for (std::size_t i = 0; i < lanes; ++i) {
+    const std::uint64_t bits = bits_at(bytes, bit[i]);
+    const std::uint32_t start = tables.start[bits >> start_shift];
+    *difference[i] = static_cast<std::int16_t>(coded_value(bits << (start >> 16 & 63), start >> 24));
+    done[i] = static_cast<int>(start >> 8 & 255) - 64;
+    bit[i] += start & 255;
   }
-  reader.take(start & 63);  // at most 26 bits; those of `skip` are at most 27
-  std::uint32_t entry = tables.skip[reader.next(ComponentTables::skip_window)];
-  unsigned next = done + (entry >> 8);
-  while (next < 64) {
-    reader.take(entry & 63);
-    done = next;
-    reader.refill();
-    entry = tables.skip[reader.next(ComponentTables::skip_window)];
-    next = done + (entry >> 8);
-    if (next >= 64) break;
-    reader.take(entry & 63);
-    done = next;
-    entry = tables.skip[reader.next(ComponentTables::skip_window)];
-    next = done + (entry >> 8);
-  }
-  if (!is_block_complete(next)) return skip_symbols(reader, tables.ac_code, done);
-  reader.take(entry & 63);
-  return true;
-}
-
-[[gnu::always_inline]] inline bool skip(McuBits& bits, std::span<McuBlock> blocks, std::span<std::uint32_t> positions,
-                                        std::array<std::int64_t, 3>& dc) {
-  BitReader reader(bits.bytes, bits.bit);
-  for (std::uint32_t& position : positions) {
-    position = static_cast<std::uint32_t>(reader.bit_after(bits.bytes));
-    for (McuBlock& block : blocks) {
-      int difference = 0;
-      if (!skip_block(reader, *block.tables, difference)) return false;
-      dc[block.component] += difference;
-      *block.dc = static_cast<std::int16_t>(dc[block.component]);
-      block.dc += block.step;
+  const auto is_any_open = [&] {
+    int all = 0;
+    for (const int d : done) all |= d;
+    return all < 0;
+  };
+  while (is_any_open()) {
+    for (std::size_t i = 0; i < lanes; ++i) {
+      std::uint64_t bits = bits_at(bytes, bit[i]);
+      std::uint32_t entry = tables.skip[bits >> skip_shift];
+      entry = done[i] < 0 ? entry : 0;
+      done[i] += static_cast<int>(entry >> 8);
+      bit[i] += entry & 255;
+      bits <<= entry & 63;
+      entry = tables.skip[bits >> skip_shift];
+      entry = done[i] < 0 ? entry : 0;
+      done[i] += static_cast<int>(entry >> 8);
+      bit[i] += entry & 255;
     }
-    if (reader.position() > bits.limit + 8) return false;
   }
-  bits.bit = reader.bit_after(bits.bytes);
-  return true;
+  for (std::size_t i = 0; i < lanes; ++i) {
+    if (is_block_complete(static_cast<unsigned>(done[i] + 64))) [[likely]]
+      continue;
+    bit[i] = begin[i];
+    if (skip_symbols(bytes, tables, bit[i], *difference[i])) continue;
+    *position[i] |= McuLane::not_decodable;
+    bit[i] = begin[i] + 1;
+  }
+}
+
+template <std::size_t lanes>
+[[gnu::always_inline]] inline void skip_while_all(const std::uint8_t* bytes, std::span<const ComponentTables* const> tables,
+                                                  std::span<McuLane*> all) {
+  std::array<std::size_t, lanes> bit, stop;
+  std::array<std::int16_t*, lanes> difference;
+  std::array<std::uint32_t*, lanes> position;
+  std::size_t most = all[0]->left;
+  for (std::size_t i = 0; i < lanes; ++i) {
+    bit[i] = all[i]->bit;
+    stop[i] = all[i]->stop;
+    difference[i] = all[i]->differences;
+    position[i] = all[i]->positions;
+    most = std::min(most, all[i]->left);
+  }
+  std::size_t n = 0;
+  for (bool is_end = false; n < most && !is_end; ++n) {
+    for (std::size_t i = 0; i < lanes; ++i) *position[i] = static_cast<std::uint32_t>(bit[i]);
+    for (const ComponentTables* const of_block : tables) {
+      skip_block<lanes>(bytes, *of_block, bit, difference, position);
+      for (auto& d : difference) ++d;
+    }
+    for (std::size_t i = 0; i < lanes; ++i) {
+      ++position[i];
+      is_end |= bit[i] >= stop[i];
+    }
+  }
+  for (std::size_t i = 0; i < lanes; ++i) {
+    all[i]->bit = bit[i];
+    all[i]->left -= n;
+    all[i]->differences = difference[i];
+    all[i]->positions = position[i];
+  }
+}
+
+[[gnu::always_inline]] inline void skip(const std::uint8_t* bytes, std::span<const ComponentTables* const> tables,
+                                        std::span<McuLane> lanes) {
+  std::array<McuLane*, most_mcu_lanes> open;
+  for (;;) {
+    std::size_t n = 0;
+    for (McuLane& lane : lanes)
+      if (!lane.is_at_end()) open[n++] = &lane;
+    switch (n) {
+      case 0:
+        return;
+      case 1:
+        skip_while_all<1>(bytes, tables, open);
+        break;
+      case 2:
+        skip_while_all<2>(bytes, tables, open);
+        break;
+      case 3:
+        skip_while_all<3>(bytes, tables, open);
+        break;
+      default:
+        skip_while_all<4>(bytes, tables, open);
+    }
+  }
 }
 
 // The AC coefficients, times their steps. Returns a number of 0 if there are none, of < 8 if they are in the first row.
@@ -121,7 +185,7 @@ constexpr std::array<std::uint8_t, 64> row_order{0,  1,  8,  16, 9,  2,  3,  10,
       const HuffmanSymbol dc = start == 0 ? b.tables->dc_code.symbol(reader.next(16)) : HuffmanSymbol{};
       reader.take(start == 0 ? dc.bits + dc.value : (start & 255) + (start >> 8));
       JpegBlock block;
-      block.coefficients[0] = static_cast<std::int16_t>(b.dc[mcu * b.step] * b.steps[0]);
+      block.coefficients[0] = static_cast<std::int16_t>(b.dc[mcu * b.dc_step] * b.steps[0]);
       const unsigned used = decode_coefficients(reader, *b.tables, b.steps, block);
       std::uint8_t* pixels = b.pixels + mcu * b.pixel_step;
       if (used == 0) {
@@ -135,9 +199,9 @@ constexpr std::array<std::uint8_t, 64> row_order{0,  1,  8,  16, 9,  2,  3,  10,
 }
 
 #ifdef HUETRACK_BMI2
-HUETRACK_BMI2 bool skip_with_bmi2(McuBits& bits, std::span<McuBlock> blocks, std::span<std::uint32_t> positions,
-                                  std::array<std::int64_t, 3>& dc) {
-  return skip(bits, blocks, positions, dc);
+HUETRACK_BMI2 void skip_with_bmi2(const std::uint8_t* bytes, std::span<const ComponentTables* const> tables,
+                                  std::span<McuLane> lanes) {
+  skip(bytes, tables, lanes);
 }
 HUETRACK_BMI2 void decode_with_bmi2(const std::uint8_t* bytes, std::span<const std::uint32_t> positions,
                                     std::span<const DecodedBlock> blocks) {
@@ -151,12 +215,11 @@ bool has_bmi2() {
 
 }  // namespace
 
-bool skip_mcus(McuBits& bits, std::span<McuBlock> blocks, std::span<std::uint32_t> positions,
-               std::array<std::int64_t, 3>& dc) {
+void skip_mcus(const std::uint8_t* bytes, std::span<const ComponentTables* const> tables, std::span<McuLane> lanes) {
 #ifdef HUETRACK_BMI2
-  if (has_bmi2()) return skip_with_bmi2(bits, blocks, positions, dc);
+  if (has_bmi2()) return skip_with_bmi2(bytes, tables, lanes);
 #endif
-  return skip(bits, blocks, positions, dc);
+  skip(bytes, tables, lanes);
 }
 
 void decode_mcus(const std::uint8_t* bytes, std::span<const std::uint32_t> positions,

@@ -10,32 +10,31 @@
 
 namespace huetrack::capture {
 
-// One block of an MCU, in the order of the scan.
-struct McuBlock {
-  const ComponentTables* tables = nullptr;
-  std::size_t component = 0;
-  std::int16_t* dc = nullptr;  // the DC value of this block in the next MCU
-  std::ptrdiff_t step = 0;     // to that of the MCU after it
-};
+// Some MCUs that follow one another, whose bits are skipped.
+struct McuLane {
+  std::size_t bit = 0;                   // where the next MCU begins
+  std::size_t stop = 0;                  // skips no MCU that begins at this bit or later
+  std::size_t left = 0;                  // nor more MCUs than these
+  std::uint32_t* positions = nullptr;    // of the next MCU: the bit where it begins, + not_decodable
+  std::int16_t* differences = nullptr;   // of the next MCU: each block's difference to the last DC value
 
-struct McuBits {
-  const std::uint8_t* bytes = nullptr;  // EntropyBytes: padded
-  const std::uint8_t* limit = nullptr;  // of the position: behind the last byte, padding not counted
-  std::size_t bit = 0;                  // where the next MCU begins
+  static constexpr std::uint32_t not_decodable = std::uint32_t{1} << 31;
+  bool is_at_end() const { return bit >= stop || left == 0; }
 };
+constexpr std::size_t most_mcu_lanes = 4;
 
-// Skips `positions.size()` MCUs from bits.bit on, which it advances: stores where each MCU begins (in bits) and the
-// quantised DC value of each block, modulo 2^16. `dc` is the last value of each component. False: no codes, or blocks
-// of more than 64 coefficients. The bits that are skipped may lie beyond the interval: the caller compares.
-bool skip_mcus(McuBits& bits, std::span<McuBlock> blocks, std::span<std::uint32_t> positions,
-               std::array<std::int64_t, 3>& dc);
+// Skips the MCUs of up to most_mcu_lanes lanes, until all are at their end. Independent lanes take turns, which hides the
+// time that each waits for its tables. An MCU that is not decodable (no codes, or more than 64 coefficients) is stored as
+// such, and what follows is arbitrary. May read EntropyBytes::padding behind `stop`.
+// tables: of the blocks of an MCU.
+void skip_mcus(const std::uint8_t* bytes, std::span<const ComponentTables* const> tables, std::span<McuLane> lanes);
 
 // A block's place in the image's planes.
 struct DecodedBlock {
   const ComponentTables* tables = nullptr;
   const std::int16_t* steps = nullptr;  // in zigzag order
-  const std::int16_t* dc = nullptr;     // as McuBlock's
-  std::ptrdiff_t step = 0;
+  const std::int16_t* dc = nullptr;     // in the first MCU
+  std::ptrdiff_t dc_step = 0;           // to the next MCU's
   std::uint8_t* pixels = nullptr;  // of this block in the first MCU
   std::ptrdiff_t stride = 0;
   std::ptrdiff_t pixel_step = 0;  // to the next MCU's
