@@ -75,12 +75,12 @@ template <std::size_t lanes>
     for (std::size_t i = 0; i < lanes; ++i) {
       std::uint64_t bits = bits_at(bytes, bit[i]);
       std::uint32_t entry = tables.skip[bits >> skip_shift];
-      entry = done[i] < 0 ? entry : 0;
+      entry &= static_cast<std::uint32_t>(done[i] >> 31);  // nothing if the block is complete
       done[i] += static_cast<int>(entry >> 8);
       bit[i] += entry & 255;
       bits <<= entry & 63;
       entry = tables.skip[bits >> skip_shift];
-      entry = done[i] < 0 ? entry : 0;
+      entry &= static_cast<std::uint32_t>(done[i] >> 31);  // nothing if the block is complete
       done[i] += static_cast<int>(entry >> 8);
       bit[i] += entry & 255;
     }
