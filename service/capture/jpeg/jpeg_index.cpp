@@ -184,8 +184,8 @@ bool JpegIndex::Impl::skip_interval(std::size_t mcus, const EntropyBytes::Interv
   return join(lanes[0], std::span(lanes).subspan(1, n - 1), 8 * interval.end);
 }
 
-// The true MCUs are those of `lane`, to one that begins where an MCU of the next guessed lane begins: from there on, that
-// one is true. And so on.
+// The true MCUs are those of `lane`, to one that begins where an MCU of the next guessed lane begins: from there on,
+// that one is true. And so on.
 bool JpegIndex::Impl::join(McuLane lane, std::span<const McuLane> guessed, std::size_t end) {
   for (std::size_t next = 0; next < guessed.size(); ++next) {
     const Guess& guess = guesses[next];
@@ -203,8 +203,8 @@ bool JpegIndex::Impl::join(McuLane lane, std::span<const McuLane> guessed, std::
     const auto per_mcu = static_cast<std::ptrdiff_t>(blocks.size());
     lane.bit = begin + taken == begins.end() ? guessed[next].bit : begin[taken] & ~McuLane::not_decodable;
     lane.positions = std::copy_n(begin, taken, lane.positions);
-    lane.differences = std::copy_n(guess.differences.begin() + (begin - begins.begin()) * per_mcu, taken * per_mcu,
-                                   lane.differences);
+    lane.differences =
+        std::copy_n(guess.differences.begin() + (begin - begins.begin()) * per_mcu, taken * per_mcu, lane.differences);
     lane.left -= static_cast<std::size_t>(taken);
   }
   lane.stop = end;
@@ -282,11 +282,14 @@ std::shared_ptr<const JpegIndex> JpegIndex::build(std::shared_ptr<const std::vec
   }
   if (!index) index.reset(new JpegIndex);
   const bool is_made = index->impl_->make(*jpeg, width, height);
-  std::shared_ptr<JpegIndex> shared(index.release(), [shelf](JpegIndex* done) {
+  // Weak: a free index still refers to this deleter (by std::enable_shared_from_this), and the pool must not keep
+  // itself.
+  std::shared_ptr<JpegIndex> shared(index.release(), [weak = std::weak_ptr(shelf)](JpegIndex* done) {
     std::unique_ptr<JpegIndex> back(done);
-    if (!shelf) return;
-    const std::lock_guard lock(shelf->mutex);
-    if (shelf->free.size() < shelf->most_free) shelf->free.push_back(std::move(back));
+    const auto home = weak.lock();
+    if (!home) return;
+    const std::lock_guard lock(home->mutex);
+    if (home->free.size() < home->most_free) home->free.push_back(std::move(back));
   });
   return is_made ? shared : nullptr;
 }

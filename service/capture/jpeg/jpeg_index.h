@@ -13,7 +13,8 @@
 namespace huetrack::capture {
 
 // What indices need again for the next frame: their memory, and the tables made of the JPEG's Huffman codes. With one
-// per source, frames of one size allocate nothing. Thread-safe; holds at most `most_free` blocks of each kind.
+// per source, frames of one size allocate nothing but a reference count. Thread-safe; indices may outlive it. Holds at
+// most `most_free` indices.
 class JpegIndexPool {
  public:
   explicit JpegIndexPool(int most_free = 8);
@@ -24,7 +25,7 @@ class JpegIndexPool {
  private:
   friend class JpegIndex;
   struct Impl;
-  std::shared_ptr<Impl> impl_;  // indices in use keep it beyond the pool
+  std::shared_ptr<Impl> impl_;
 };
 
 // Immutable and thread-safe. Memory: about the JPEG's size, 4 bytes per MCU and 2 per block.

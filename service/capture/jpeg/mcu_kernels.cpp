@@ -50,11 +50,12 @@ constexpr std::array<std::uint8_t, 64> row_order{0,  1,  8,  16, 9,  2,  3,  10,
   return word << bit % 8;
 }
 
-// One block of each lane. The lanes whose block is complete wait for the others, without a branch that would depend on one
-// lane's bits: what could not be predicted would cost all lanes their work under way.
+// One block of each lane. The lanes whose block is complete wait for the others, without a branch that would depend on
+// one lane's bits: what could not be predicted would cost all lanes their work under way.
 template <std::size_t lanes>
 [[gnu::always_inline]] inline void skip_block(const std::uint8_t* bytes, const ComponentTables& tables,
-                                              std::array<std::size_t, lanes>& bit, const std::array<std::int16_t*, lanes>& difference,
+                                              std::array<std::size_t, lanes>& bit,
+                                              const std::array<std::int16_t*, lanes>& difference,
                                               const std::array<std::uint32_t*, lanes>& position) {
   constexpr int start_shift = 64 - ComponentTables::start_window, skip_shift = 64 - ComponentTables::skip_window;
   const std::array<std::size_t, lanes> begin = bit;
@@ -96,7 +97,8 @@ template <std::size_t lanes>
 }
 
 template <std::size_t lanes>
-[[gnu::always_inline]] inline void skip_while_all(const std::uint8_t* bytes, std::span<const ComponentTables* const> tables,
+[[gnu::always_inline]] inline void skip_while_all(const std::uint8_t* bytes,
+                                                  std::span<const ComponentTables* const> tables,
                                                   std::span<McuLane*> all) {
   std::array<std::size_t, lanes> bit, stop;
   std::array<std::int16_t*, lanes> difference;

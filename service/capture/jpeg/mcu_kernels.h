@@ -12,21 +12,21 @@ namespace huetrack::capture {
 
 // Some MCUs that follow one another, whose bits are skipped.
 struct McuLane {
-  std::size_t bit = 0;                   // where the next MCU begins
-  std::size_t stop = 0;                  // skips no MCU that begins at this bit or later
-  std::size_t left = 0;                  // nor more MCUs than these
-  std::uint32_t* positions = nullptr;    // of the next MCU: the bit where it begins, + not_decodable
-  std::int16_t* differences = nullptr;   // of the next MCU: each block's difference to the last DC value
+  std::size_t bit = 0;                  // where the next MCU begins
+  std::size_t stop = 0;                 // skips no MCU that begins at this bit or later
+  std::size_t left = 0;                 // nor more MCUs than these
+  std::uint32_t* positions = nullptr;   // of the next MCU: the bit where it begins, + not_decodable
+  std::int16_t* differences = nullptr;  // of the next MCU: each block's difference to the last DC value
 
   static constexpr std::uint32_t not_decodable = std::uint32_t{1} << 31;
   bool is_at_end() const { return bit >= stop || left == 0; }
 };
 constexpr std::size_t most_mcu_lanes = 4;
 
-// Skips the MCUs of up to most_mcu_lanes lanes, until all are at their end. Independent lanes take turns, which hides the
-// time that each waits for its tables. An MCU that is not decodable (no codes, or more than 64 coefficients) is stored as
-// such, and what follows is arbitrary. May read EntropyBytes::padding behind `stop`.
-// tables: of the blocks of an MCU.
+// Skips the MCUs of up to most_mcu_lanes lanes, until all are at their end. Independent lanes take turns, which hides
+// the time that each waits for its tables. An MCU that is not decodable (no codes, or more than 64 coefficients) is
+// stored as such, and what follows is arbitrary. May read EntropyBytes::padding behind `stop`. tables: of the blocks of
+// an MCU.
 void skip_mcus(const std::uint8_t* bytes, std::span<const ComponentTables* const> tables, std::span<McuLane> lanes);
 
 // A block's place in the image's planes.
@@ -35,7 +35,7 @@ struct DecodedBlock {
   const std::int16_t* steps = nullptr;  // in zigzag order
   const std::int16_t* dc = nullptr;     // in the first MCU
   std::ptrdiff_t dc_step = 0;           // to the next MCU's
-  std::uint8_t* pixels = nullptr;  // of this block in the first MCU
+  std::uint8_t* pixels = nullptr;       // of this block in the first MCU
   std::ptrdiff_t stride = 0;
   std::ptrdiff_t pixel_step = 0;  // to the next MCU's
 };
