@@ -271,6 +271,7 @@ std::optional<std::pair<std::string, std::string>> named(const std::string& inpu
 }  // namespace
 
 cv::Mat board_grey_of(const capture::Image& image) {
+  capture::require_all(image);
   auto* bytes = const_cast<std::uint8_t*>(image.planes[0].data);  // cv::Mat is never read-only
   const auto stride = static_cast<std::size_t>(image.planes[0].stride);
   cv::Mat grey;

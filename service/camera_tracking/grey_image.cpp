@@ -32,6 +32,7 @@ GreyImage make_grey(int width, int height, std::uint8_t*& pixels) {
 }
 
 GreyImage grey_of(const capture::Image& image) {
+  capture::require_all(image);
   const capture::Plane& plane = image.planes[0];
   if (image.format != capture::PixelFormat::yuyv && image.format != capture::PixelFormat::bgr)
     return {image.width, image.height, plane.stride, plane.data, image.owner, image.range};

@@ -13,7 +13,7 @@
 #include "capture/ffmpeg/ffmpeg_objects.h"
 #include "capture/ffmpeg/ffmpeg_picture.h"
 #include "capture/ffmpeg/stream_decoder.h"
-#include "capture/frames/jpeg_decoder.h"
+#include "capture/jpeg/jpeg_reader.h"
 #include "capture/timing/camera_clock.h"
 #include "capture/timing/capture_clock.h"
 
@@ -199,10 +199,9 @@ struct NetworkSource::Impl {
   std::optional<Arrived> decode(Timestamp at) {
     if (decoder.codec().codec_id == AV_CODEC_ID_MJPEG) {
       const std::span<const std::uint8_t> bytes(packet->data, std::size_t(packet->size));
-      JpegResult decoded = jpeg.decode(bytes);
-      if (!decoded.is_unsupported)
-        return Arrived{std::move(decoded.image), at,
-                       std::make_shared<const std::vector<std::uint8_t>>(bytes.begin(), bytes.end())};
+      auto kept = jpeg.keep(bytes);
+      JpegResult decoded = jpeg.read(kept);
+      if (!decoded.is_unsupported) return Arrived{std::move(decoded.image), at, std::move(kept)};
     }
     // A decoder may return this packet's picture only after a later packet.
     const bool begins = decoder.examine(*packet);
@@ -253,6 +252,7 @@ struct NetworkSource::Impl {
     frame.camera = options.camera;
     frame.sequence = sequence++;
     frame.stamped_at = arrived.at;
+    frame.arrived_at = arrived.at;
     frame.latency = options.timing.latency;
     frame.readout = options.timing.readout;
     if (arrived.image) {
@@ -296,7 +296,7 @@ struct NetworkSource::Impl {
   int damaged = 0;                             // in a row
   std::uint32_t sequence = 0;
   CameraClock clock;
-  JpegDecoder jpeg;
+  JpegReader jpeg;
   PictureMaker pictures;
 
   mutable std::mutex mutex;

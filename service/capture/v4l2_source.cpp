@@ -18,7 +18,8 @@
 #include <utility>
 
 #include "capture/frames/file_descriptor.h"
-#include "capture/frames/jpeg_decoder.h"
+#include "capture/frames/recycler.h"
+#include "capture/jpeg/jpeg_reader.h"
 #include "capture/timing/camera_clock.h"
 #include "capture/timing/capture_clock.h"
 
@@ -497,6 +498,7 @@ struct V4l2Source::Impl {
     Frame frame;
     frame.camera = options.camera;
     frame.stamped_at = unix_time_of(raw.at);
+    frame.arrived_at = unix_now();
     frame.latency = options.timing.latency;
     frame.readout = options.timing.readout;
     const auto [sequence, lost] = number(raw.sequence);
@@ -578,9 +580,10 @@ struct V4l2Source::Impl {
     const std::uint8_t* data = raw.bytes.data();
     std::shared_ptr<const void> owner;
     if (copies) {
-      auto memory = std::make_shared_for_overwrite<std::uint8_t[]>(image_bytes(stream));
-      std::memcpy(memory.get(), data, image_bytes(stream));
-      data = memory.get();
+      auto memory = copies_memory.take();
+      std::uint8_t* const copied = memory->bytes(image_bytes(stream));
+      std::memcpy(copied, data, image_bytes(stream));
+      data = copied;
       owner = std::move(memory);
       raw.owner.reset();
     } else {
@@ -605,7 +608,7 @@ struct V4l2Source::Impl {
 
   // Returns the problem; empty: none.
   std::string decode(Dequeued&& raw, Frame& frame) {
-    auto bytes = std::make_shared<const std::vector<std::uint8_t>>(raw.bytes.begin(), raw.bytes.end());
+    auto bytes = jpeg.keep(raw.bytes);
     raw.owner.reset();  // returns the buffer to the driver while we decode
     if (!options.decodes) {
       if (!looks_like_jpeg(*bytes)) return "it is no JPEG";
@@ -613,7 +616,7 @@ struct V4l2Source::Impl {
       frame.encoded = std::move(bytes);
       return {};
     }
-    auto result = jpeg.decode(*bytes);
+    auto result = jpeg.read(bytes);
     if (!result.image) return result.problem;
     if (result.image->width != stream.width || result.image->height != stream.height)
       return "its JPEG is " + std::to_string(result.image->width) + "x" + std::to_string(result.image->height);
@@ -701,7 +704,8 @@ struct V4l2Source::Impl {
   std::vector<CameraEvent> events;     // guarded by mutex
 
   // of the capturing thread
-  JpegDecoder jpeg;
+  JpegReader jpeg;
+  Recycler<FrameMemory> copies_memory;
   StreamFormat stream;
   std::optional<V4l2Identity> known;                  // the camera that was opened first, and its port
   std::optional<std::vector<ControlSetting>> before;  // original values of the controls that opening changed

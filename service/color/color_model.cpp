@@ -243,6 +243,7 @@ void ColorTable::fill(const HsiRange& target, unsigned first, unsigned last) {
     const auto u = static_cast<std::uint8_t>(uv), v = static_cast<std::uint8_t>(uv >> 8);
     if (!matches.can_match(chroma_of(u, v))) continue;
     const Interval interval = y_of_uv_[uv] = matches.luma_at(u, v, range_);
+    if (interval.y_min <= interval.y_max) cells_[v / 4] |= std::uint64_t{1} << u / 4;
     for (std::uint8_t* ceiling : {&luma_ceiling_.of_u[u / 4], &luma_ceiling_.of_v[v / 4],
                                   &luma_ceiling_.near_grey_of_u[LumaCeiling::near_grey_step(u)],
                                   &luma_ceiling_.near_grey_of_v[LumaCeiling::near_grey_step(v)]})
@@ -259,6 +260,13 @@ void ColorTableBuilder::go_on() {
   const unsigned parts = table_->is_bgr_ ? 256 : 4096;
   const unsigned first = std::exchange(next_, std::min(next_ + parts, ColorTable::all_parts));
   table_->fill(target_, first, next_);
+}
+
+bool ColorTable::may_contain(const capture::ChromaBounds& bounds) const {
+  const std::uint64_t columns = ~std::uint64_t{0} >> (63 - bounds.u_max / 4) & ~std::uint64_t{0} << bounds.u_min / 4;
+  std::uint64_t any = 0;
+  for (int row = bounds.v_min / 4; row <= bounds.v_max / 4; ++row) any |= cells_[static_cast<std::size_t>(row)];
+  return (any & columns) != 0;
 }
 
 bool ColorTable::is_for(capture::PixelFormat format, capture::ColorRange range) const {

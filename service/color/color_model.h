@@ -82,6 +82,9 @@ class ColorTable {
     return (bgr_bits_[index >> 6] >> (index & 63) & 1) != 0;
   }
 
+  // False: no pixel whose chroma lies within the bounds matches. For the YUV family and grey.
+  bool may_contain(const capture::ChromaBounds& bounds) const;
+
   bool is_for(capture::PixelFormat format, capture::ColorRange range) const;  // which images it can read
   const Interval* intervals() const { return y_of_uv_.data(); }               // [u | v << 8]; YUV family and grey
   const LumaCeiling& luma_ceiling() const { return luma_ceiling_; }           // of the intervals
@@ -96,6 +99,7 @@ class ColorTable {
   capture::ColorRange range_;
   std::vector<Interval> y_of_uv_;
   LumaCeiling luma_ceiling_;
+  std::array<std::uint64_t, 64> cells_{};  // bit u / 4 of cells_[v / 4]: one of these 16 (u, v) has an interval
   std::vector<std::uint64_t> bgr_bits_;
 };
 

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "color/match_tiles.h"
+#include "color/unit_filter.h"
 #include "particle_filter/vector_clones.h"
 
 namespace huetrack::color {
@@ -63,6 +64,7 @@ void MatchBits::leave_out_nothing() {
 }
 
 std::array<std::uint8_t, 3> MatchBits::values_at(int u, int v) const {
+  if (on_demand_ != nullptr) on_demand_->require(u, v, u + 1, v + 1);
   if (image_.format == capture::PixelFormat::bgr) {
     const capture::Bgr p = capture::bgr_at(image_, u, v);
     return {p.b, p.g, p.r};
@@ -125,7 +127,9 @@ void MatchBits::grid_with_left_out(int step, std::vector<PixelAt>& hits) const {
 
 void MatchBits::look_at(const capture::Image& image, const ColorTable& table) {
   image_ = image;
+  on_demand_ = image.on_demand.get();
   image_.owner.reset();  // a camera's buffer is not kept until its next frame comes, if ever
+  image_.on_demand.reset();
   bytes_per_pixel_ = image.format == capture::PixelFormat::yuyv ? 2 : image.format == capture::PixelFormat::bgr ? 3 : 1;
   table_ = &table;
   found_ = nullptr;
@@ -178,6 +182,7 @@ void MatchBits::fill_inside(std::span<const TileAt> tiles) {
 
 void MatchBits::classify(std::span<const TileAt> tiles, std::uint64_t* bits) const {
   if (found_ == nullptr) {
+    require_tiles(on_demand_, tiles);
     fetch(tiles);
     kernels_.classify(image_, *table_, tiles.data(), tiles.size(), bits);
     return;
@@ -206,6 +211,7 @@ void MatchBits::store(std::span<const TileAt> tiles, const std::uint64_t* bits) 
 
 // The tiles that the image's border cuts.
 std::uint64_t MatchBits::classify_edge(int u0, int v0) const {
+  if (found_ == nullptr && on_demand_ != nullptr) on_demand_->require(u0, v0, u0 + tile_size, v0 + tile_size);
   return found_ != nullptr ? found(u0, v0) : classify_cut_tile(image_, *table_, u0, v0);
 }
 
@@ -368,12 +374,17 @@ void MatchBits::fetch_row(int v) const {
 void MatchBits::scan_grid(int step, std::vector<PixelAt>& hits) const {
   constexpr int rows_ahead = 2;  // layout: of prefetching
   hits.clear();
+  UnitFilter filter;
+  if (found_ == nullptr && on_demand_ != nullptr) {
+    filter.look_at(on_demand_, *table_);
+    filter.require_grid(step);
+  }
   const capture::Image& image = image_;
   const auto scan = [&](auto matches_at) {
     for (int v = step / 2; v < height_; v += step) {
       if (found_ == nullptr && v + rows_ahead * step < height_) fetch_row(v + rows_ahead * step);
       for (int u = step / 2; u < width_; u += step) {
-        if (matches_at(u, v)) hits.push_back({u, v});
+        if (filter.may_match(u, v) && matches_at(u, v)) hits.push_back({u, v});
       }
     }
   };

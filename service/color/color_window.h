@@ -145,8 +145,9 @@ class MatchBits {
   int cell_stride_;              // cells per row
   std::uint32_t frame_ = 0;
   std::uint64_t tiles_looked_at_ = 0;
-  capture::Image image_;
-  int bytes_per_pixel_ = 1;  // of its first plane
+  capture::Image image_;                                // without owner and on_demand
+  const capture::PixelsOnDemand* on_demand_ = nullptr;  // of the image; nullptr: all pixels are there
+  int bytes_per_pixel_ = 1;                             // of its first plane
   const ColorTable* table_ = nullptr;
   const std::uint64_t* found_ = nullptr;  // in place of image and table
   std::ptrdiff_t found_stride_ = 0;

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 
+#include "color/unit_filter.h"
 #include "color/window_kernels.h"
 
 namespace huetrack::color {
@@ -45,17 +46,27 @@ void match_tiles(const capture::Image& image, const ColorTable& table, std::vect
   const std::size_t across = capture::tiles_across(image.width);
   const int whole_across = image.width / size, whole_down = image.height / size;
   tiles.assign(capture::tiles_of(image.width, image.height), 0);
-  constexpr int group = 64;
+  UnitFilter filter;
+  filter.look_at(image.on_demand.get(), table);
+  constexpr std::size_t group = 64;
   std::array<TileAt, group> some;
+  std::array<std::uint64_t, group> bits;
+  std::size_t n = 0;
+  const auto classify_some = [&] {
+    require_tiles(image.on_demand.get(), {some.data(), n});
+    best_window_kernels().classify(image, table, some.data(), n, bits.data());
+    for (std::size_t i = 0; i < n; ++i)
+      tiles[static_cast<std::size_t>(some[i].v - 1) * across + static_cast<std::size_t>(some[i].u - 1)] = bits[i];
+    n = 0;
+  };
   for (int v = 0; v < whole_down; ++v) {
-    for (int u = 0; u < whole_across; u += group) {
-      const int n = std::min(group, whole_across - u);
-      for (int i = 0; i < n; ++i)  // counted from the margin's
-        some[static_cast<std::size_t>(i)] = {static_cast<std::uint16_t>(u + i + 1), static_cast<std::uint16_t>(v + 1)};
-      best_window_kernels().classify(image, table, some.data(), static_cast<std::size_t>(n),
-                                     &tiles[static_cast<std::size_t>(v) * across + static_cast<std::size_t>(u)]);
+    for (int u = 0; u < whole_across; ++u) {
+      if (!filter.may_match(size * u, size * v)) continue;
+      some[n++] = {static_cast<std::uint16_t>(u + 1), static_cast<std::uint16_t>(v + 1)};  // counted from the margin's
+      if (n == group) classify_some();
     }
   }
+  if (n > 0) classify_some();
   const auto cut = [&](int u, int v) {
     tiles[static_cast<std::size_t>(v) * across + static_cast<std::size_t>(u)] =
         classify_cut_tile(image, table, size * u, size * v);

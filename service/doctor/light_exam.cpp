@@ -61,7 +61,7 @@ void LightExam::look(const capture::Dequeued& frame, const capture::StreamFormat
   const capture::Timestamp at{frame.at};
   if (!watch_.is_wanted(at)) return;
   if (format.format == capture::CaptureFormat::mjpeg) {
-    if (const auto decoded = jpeg_.decode(frame.bytes); decoded.image) watch_.look(*decoded.image, at);
+    if (const auto decoded = jpeg_.read(jpeg_.keep(frame.bytes)); decoded.image) watch_.look(*decoded.image, at);
     return;
   }
   capture::Image image{.format = pixels_of(format.format),

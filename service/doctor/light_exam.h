@@ -3,8 +3,8 @@
 
 #include <vector>
 
-#include "capture/frames/jpeg_decoder.h"
 #include "capture/frames/light_watch.h"
+#include "capture/jpeg/jpeg_reader.h"
 #include "capture/v4l2/v4l2_device.h"
 #include "doctor/camera_exam.h"
 #include "doctor/doctor.h"
@@ -20,7 +20,7 @@ class LightExam {
 
  private:
   capture::LightWatch watch_;
-  capture::JpegDecoder jpeg_;
+  capture::JpegReader jpeg_;
   std::optional<std::chrono::nanoseconds> first_;
 };
 

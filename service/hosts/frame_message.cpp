@@ -38,14 +38,14 @@ void to_message(const capture::Frame& frame, msg::CameraFrame& out) {
   capture::pack(image, bytes.data());
 }
 
-capture::Frame from_message(msg::CameraFrame&& message, capture::JpegDecoder& decoder) {
+capture::Frame from_message(msg::CameraFrame&& message, capture::JpegReader& reader) {
   capture::Frame out;
   out.status = capture::FrameStatus::corrupted;
   if (message.is_damaged()) return out;
   auto bytes = std::make_shared<std::vector<std::uint8_t>>(std::move(message.bytes()));
   if (message.format() == is_jpeg) {
     if (message.width() == 0 || message.height() == 0) return out;
-    capture::JpegResult decoded = decoder.decode(*bytes, message.width(), message.height());
+    capture::JpegResult decoded = reader.read(bytes, message.width(), message.height());
     if (!decoded.image) return out;
     out.pixels = std::move(*decoded.image);
     out.encoded = std::move(bytes);
@@ -71,12 +71,12 @@ capture::Frame from_message(msg::CameraFrame&& message, capture::JpegDecoder& de
   return out;
 }
 
-capture::Frame from_message(msg::CameraMatches&& message, capture::JpegDecoder& decoder, capture::Image& latest,
+capture::Frame from_message(msg::CameraMatches&& message, capture::JpegReader& reader, capture::Image& latest,
                             int width, int height) {
   capture::Frame out;
   out.status = capture::FrameStatus::corrupted;
   if (message.is_damaged()) return out;
-  auto decoded = capture::decode_matches(message.bytes(), decoder, latest, width, height);
+  auto decoded = capture::decode_matches(message.bytes(), reader.decoder(), latest, width, height);
   if (!decoded) return out;
   out.pixels = std::move(decoded->source);
   out.matches = std::move(decoded->matches);

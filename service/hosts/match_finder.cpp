@@ -31,7 +31,7 @@ std::optional<std::span<const std::uint8_t>> MatchFinder::find(const capture::Fr
   capture::Image image = frame.pixels;
   if (!capture::has_pixels(image)) {
     if (!frame.encoded) return std::nullopt;
-    capture::JpegResult decoded = decoder_.decode(*frame.encoded);
+    capture::JpegResult decoded = reader_.read(frame.encoded);
     if (!decoded.image) return std::nullopt;
     image = std::move(*decoded.image);
   }

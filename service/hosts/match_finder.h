@@ -10,10 +10,10 @@
 #include <vector>
 
 #include "capture/frames/frame.h"
-#include "capture/frames/jpeg_decoder.h"
 #include "capture/frames/light_watch.h"
 #include "capture/frames/matches.h"
 #include "capture/frames/repeat_watch.h"
+#include "capture/jpeg/jpeg_reader.h"
 #include "color/color_model.h"
 
 namespace huetrack::hosts {
@@ -53,7 +53,7 @@ class MatchFinder {
   std::span<const std::uint8_t> picture(const capture::Frame& frame, const capture::Image& image,
                                         capture::Duration every);
 
-  capture::JpegDecoder decoder_;
+  capture::JpegReader reader_;
   capture::LightWatch light_;
   capture::RepeatWatch repeats_;
   std::vector<Known> known_;

@@ -143,7 +143,7 @@ struct RemoteCameras::Impl {
     std::vector<capture::MatchedColor> looked_for;
     std::optional<Clock::time_point> colors_sent_at;  // nullopt: not sent yet
     // Used by the source's thread only, unless stated otherwise.
-    capture::JpegDecoder decoder;
+    capture::JpegReader reader;
     capture::CameraClock clock;
     std::int64_t run = 0;                        // written under `mutex`
     std::uint32_t base = 0;                      // of the run's numbers; written under `mutex`
@@ -436,6 +436,7 @@ struct RemoteCameras::Impl {
   template <typename Message>
   std::optional<capture::Frame> frame_of(Camera& camera, Message& message) {
     if (!is_a_time(message.stamped_at())) return std::nullopt;
+    const capture::Timestamp arrived_at = capture::unix_now();
     capture::Timestamp stamped_at;
     capture::StampClock clock;
     {
@@ -455,9 +456,9 @@ struct RemoteCameras::Impl {
     capture::Frame frame;
     if constexpr (std::is_same_v<Message, msg::CameraMatches>)
       frame =
-          from_message(std::move(message), camera.decoder, camera.picture, camera.options.width, camera.options.height);
+          from_message(std::move(message), camera.reader, camera.picture, camera.options.width, camera.options.height);
     else
-      frame = from_message(std::move(message), camera.decoder);
+      frame = from_message(std::move(message), camera.reader);
     if (frame.pixels.width != camera.options.width || frame.pixels.height != camera.options.height) {
       frame.status = capture::FrameStatus::corrupted;
       frame.pixels = {};
@@ -468,6 +469,7 @@ struct RemoteCameras::Impl {
     frame.camera = camera.options.camera;
     frame.sequence = there - camera.base;
     frame.stamped_at = stamped_at;
+    frame.arrived_at = arrived_at;
     frame.latency = camera.options.timing.latency;
     frame.readout = camera.options.timing.readout;
     frame.clock = clock;

@@ -185,14 +185,14 @@ void add_targets(Text& text, const publish::ServiceStatus& status, std::span<con
 }
 
 void add_latencies(Text& text, const publish::ServiceStatus& status, const LatencyFigures& latencies) {
-  text.family("huetrack_capture_to_dequeue_seconds", "histogram", "from a frame's capture to its dequeue");
+  text.family("huetrack_capture_to_dequeue_seconds", "histogram", "from a frame's capture to its arrival (last byte, not decoded)");
   for (std::size_t c = 0; c < latencies.capture_to_dequeue.size(); ++c)
     text.histogram("camera=" + label(status.cameras[c].name), latencies.capture_to_dequeue[c]);
   text.family("huetrack_dequeue_to_write_seconds", "histogram",
-              "from the dequeue of a set's last frame to the DDS write of its position");
+              "from the arrival of a set's last frame (last byte, not decoded) to the DDS write of its position");
   text.histogram("", latencies.dequeue_to_write);
   text.family("huetrack_dequeue_to_publish_seconds", "histogram",
-              "from the dequeue of a set's last frame to the end of the DDS write");
+              "from the arrival of a set's last frame (last byte, not decoded) to the end of the DDS write");
   text.histogram("", latencies.dequeue_to_publish);
   text.family("huetrack_capture_to_publish_seconds", "histogram",
               "from the newest capture in a set to the end of the DDS write");

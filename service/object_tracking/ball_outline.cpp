@@ -18,6 +18,7 @@ outline::Picture picture_of(const capture::Image& image) {
   using capture::PixelFormat;
   outline::Picture out;
   out.width = image.width, out.height = image.height;
+  out.on_demand = image.on_demand.get();
   out.is_limited = image.range == capture::ColorRange::limited && image.format != PixelFormat::bgr;
   const auto plane = [&](std::size_t i, std::ptrdiff_t offset, std::ptrdiff_t step) {
     return outline::Samples{image.planes[i].data + offset, image.planes[i].stride, step};

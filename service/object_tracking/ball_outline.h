@@ -10,7 +10,7 @@
 
 namespace huetrack::object_tracking {
 
-outline::Picture picture_of(const capture::Image& image);  // refers to the image's bytes
+outline::Picture picture_of(const capture::Image& image);  // refers to the image
 // Of a patch, the only part that is there of an image of this size.
 outline::Picture picture_of(const capture::Matches::Patch& patch, int width, int height);
 

@@ -78,6 +78,19 @@ HUETRACK_CLONES void read_rows(const std::uint8_t* from, std::ptrdiff_t row_byte
     for (int k = 0; k < rows.across; ++k) out[j * rows.stride + k] = scale(from[j * row_bytes + k * step]);
 }
 
+// columns, rows: of pixels that share a sample.
+void require(const Picture& picture, const Rows& of, int columns, int rows) {
+  if (picture.on_demand == nullptr) return;
+  picture.on_demand->require(of.u * columns, of.v * rows, (of.u + of.across) * columns, (of.v + of.down) * rows);
+}
+
+void require(const Picture& picture, const Places& at, int columns, int rows) {
+  if (picture.on_demand == nullptr || at.n == 0) return;
+  const auto [left, right] = std::minmax_element(at.u, at.u + at.n);
+  const auto [top, bottom] = std::minmax_element(at.v, at.v + at.n);
+  picture.on_demand->require(*left * columns, *top * rows, (*right + 1) * columns, (*bottom + 1) * rows);
+}
+
 void read(const Samples& samples, const Rows& rows, Scale scale, std::int16_t* out) {
   read_rows(samples.at(rows.u, rows.v), samples.row_bytes, static_cast<int>(samples.step), rows, WholeScale(scale),
             out);
@@ -103,6 +116,7 @@ void read(const Samples& samples, const Places& at, Scale scale, float* out) {
 }  // namespace
 
 void read_light(const Picture& picture, const Rows& rows, std::int16_t* light) {
+  require(picture, rows, 1, 1);
   if (!picture.is_bgr) return read(picture.light, rows, scale_of_light(picture), light);
   for (int j = 0; j < rows.down; ++j) {
     const std::uint8_t* p = picture.light.at(rows.u, rows.v + j);
@@ -111,6 +125,7 @@ void read_light(const Picture& picture, const Rows& rows, std::int16_t* light) {
 }
 
 void read_chroma(const Picture& picture, const Rows& rows, std::int16_t* blue, std::int16_t* red) {
+  require(picture, rows, picture.columns, picture.rows);
   if (!picture.is_bgr && !picture.is_grey) {
     read(picture.blue, rows, scale_of_chroma(picture), blue);
     return read(picture.red, rows, scale_of_chroma(picture), red);
@@ -130,6 +145,7 @@ void read_chroma(const Picture& picture, const Rows& rows, std::int16_t* blue, s
 }
 
 void read_light(const Picture& picture, const Places& at, float* light) {
+  require(picture, at, 1, 1);
   if (picture.is_bgr) {
     for (int i = 0; i < at.n; ++i) light[i] = luma(picture.light.at(at.u[i], at.v[i]));
     return;
@@ -138,6 +154,7 @@ void read_light(const Picture& picture, const Places& at, float* light) {
 }
 
 void read_chroma(const Picture& picture, const Places& at, float* blue, float* red) {
+  require(picture, at, picture.columns, picture.rows);
   if (picture.is_bgr || picture.is_grey) {
     for (int i = 0; i < at.n; ++i) {
       const Chroma of = picture.is_grey ? Chroma{0, 0} : chroma(picture.light.at(at.u[i], at.v[i]));

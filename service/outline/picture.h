@@ -5,6 +5,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "capture/frames/pixels_on_demand.h"
+
 namespace huetrack::outline {
 
 // maths: ITU-R BT.601. Luma of R' G' B', and the factors of B' - Y and R' - Y in chroma.
@@ -19,7 +21,7 @@ struct Samples {
   const std::uint8_t* at(int u, int v) const { return data + (v - first_v) * row_bytes + (u - first_u) * step; }
 };
 
-// Read-only view; the caller keeps the bytes alive.
+// Read-only view; the caller keeps the bytes alive. They are read by the functions below only, which decode them first.
 struct Picture {
   int width = 0, height = 0;  // pixels
   Samples light, blue, red;   // one sample of chroma for so many columns and rows:
@@ -29,6 +31,7 @@ struct Picture {
   bool is_limited = false;    // light 16..235, chroma 16..240; otherwise 0..255
   // Of a partial picture: its first pixel (even numbers) and its size; otherwise 0.
   int part_u = 0, part_v = 0, part_width = 0, part_height = 0;
+  const capture::PixelsOnDemand* on_demand = nullptr;  // nullptr: all pixels are there
 
   bool is_whole() const { return part_width == 0; }
   int end_u() const { return is_whole() ? width : part_u + part_width; }

@@ -123,6 +123,7 @@ Color color_of(const color::HsiRange& range, double saturation, double value) {
 }
 
 cv::Mat bgr_of(const capture::Image& image) {
+  capture::require_all(image);
   cv::Mat out(image.height, image.width, CV_8UC3);
   const bool full = image.range == capture::ColorRange::full;
   const double luma = full ? 1.0 : 255.0 / 219, chroma = full ? 1.0 : 255.0 / 224, foot = full ? 0 : 16;

@@ -245,7 +245,8 @@ void Pipeline::set_ended(std::size_t camera) {
 
 void Pipeline::receive(capture::Frame frame) {
   const auto camera = std::size_t(frame.camera);
-  const capture::Timestamp received_at = capture::unix_now();
+  const capture::Timestamp received_at =
+      frame.arrived_at == capture::Timestamp{} ? capture::unix_now() : frame.arrived_at;
   const bool is_sound = frame.status == capture::FrameStatus::ok;
   const bool is_picture = is_sound && capture::has_pixels(frame.pixels);
   const bool is_repeated = is_picture && repeats_[camera].is_repeated(frame.pixels);

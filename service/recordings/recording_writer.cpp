@@ -278,6 +278,7 @@ class VideoFile {
   std::span<const std::uint8_t> stored(const capture::Frame& frame) {
     if (is_jpeg_) return *frame.encoded;
     const std::size_t count = capture::packed_bytes(frame.pixels);
+    capture::require_all(frame.pixels);
     if (is_packed(frame.pixels)) return {frame.pixels.planes[0].data, count};
     scratch_.resize(count);
     capture::pack(frame.pixels, scratch_.data());
@@ -306,6 +307,7 @@ class VideoFile {
       check(av_frame_get_buffer(picture_.get(), 0));
     }
     check(av_frame_make_writable(picture_.get()));
+    capture::require_all(image);
     if (planar(image.format) != image.format)
       unpack(image, *picture_);
     else
@@ -615,6 +617,7 @@ void PreRoll::push(const capture::Frame& frame) {
   if (frame.encoded) {
     image.planes = {};
     image.owner.reset();
+    image.on_demand.reset();
     static const auto known_from_encoded = std::make_shared<const capture::Matches>();
     if (frame.matches) held.frame.matches = known_from_encoded;
   } else if (frame.status == capture::FrameStatus::ok && has_pixels(frame.pixels)) {

@@ -14,7 +14,7 @@
 #include "capture/ffmpeg/ffmpeg_objects.h"
 #include "capture/ffmpeg/ffmpeg_picture.h"
 #include "capture/ffmpeg/stream_decoder.h"
-#include "capture/frames/jpeg_decoder.h"
+#include "capture/jpeg/jpeg_reader.h"
 #include "recordings/picture_order.h"
 
 namespace huetrack::recordings {
@@ -382,7 +382,8 @@ struct VideoReader::Impl {
   // With the live cameras' decoder, for the same pixels. False: a kind of JPEG that only FFmpeg decodes (odd sizes,
   // interlaced fields, RGB, ...).
   bool decode_jpeg(Decoded& result) {
-    auto decoded = jpeg.decode({packet->data, static_cast<std::size_t>(packet->size)});
+    auto bytes = jpeg.keep({packet->data, static_cast<std::size_t>(packet->size)});
+    auto decoded = jpeg.read(bytes);
     if (!decoded.image && !decoded.is_unsupported) log.add(decoded.problem);
     if (decoded.is_unsupported) return false;
     // Another size: in a video it is a field of an interlaced picture; an image file is reported and not used.
@@ -396,8 +397,7 @@ struct VideoReader::Impl {
                                     : capture::exif_orientation({packet->data, static_cast<std::size_t>(packet->size)});
     result.image = pictures.upright(*decoded.image, own);
     // A turned picture's bytes are those of another one.
-    if (keeps_jpeg && result.image->planes[0].data == decoded.image->planes[0].data)
-      jpeg_bytes = std::make_shared<std::vector<std::uint8_t>>(packet->data, packet->data + packet->size);
+    if (keeps_jpeg && result.image->planes[0].data == decoded.image->planes[0].data) jpeg_bytes = std::move(bytes);
     return true;
   }
 
@@ -581,7 +581,7 @@ struct VideoReader::Impl {
   AVStream* stream = nullptr;  // of format
   capture::StreamDecoder codec;
   PictureOrder order;  // of a delayed decoder's
-  capture::JpegDecoder jpeg;
+  capture::JpegReader jpeg;
   capture::PacketPtr packet{capture::not_null(av_packet_alloc())};
   capture::PictureMaker pictures;
   int next_avi_entry = 0;

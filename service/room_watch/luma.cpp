@@ -22,14 +22,15 @@ int scale_for(int image_width) {
 }
 
 Luma::Luma(const capture::Image& image, int scale)
-    : first_(image.planes[0].data + (image.format == capture::PixelFormat::bgr ? 1 : 0)),
+    : on_demand_(image.on_demand.get()),
+      first_(image.planes[0].data + (image.format == capture::PixelFormat::bgr ? 1 : 0)),
       stride_(image.planes[0].stride),
       step_(step_of(image.format)),
       scale_(scale),
       columns_(image.width / scale),
       rows_(image.height / scale) {}
 
-float Luma::at(int column, int row) const {
+float Luma::mean(int column, int row) const {
   const std::uint8_t* corner =
       first_ + std::ptrdiff_t(row) * scale_ * stride_ + std::ptrdiff_t(column) * scale_ * step_;
   int sum = 0;
@@ -40,10 +41,11 @@ float Luma::at(int column, int row) const {
 
 bool Luma::read(int column, int row, int columns, int rows, float* out) const {
   if (column < 0 || row < 0 || column + columns > columns_ || row + rows > rows_) return false;
+  require(column, row, columns, rows);
   for (int j = 0; j < rows; ++j) {
     float* const line = out + std::ptrdiff_t(j) * columns;
     if (scale_ > 1) {
-      for (int i = 0; i < columns; ++i) line[i] = at(column + i, row + j);
+      for (int i = 0; i < columns; ++i) line[i] = mean(column + i, row + j);
       continue;
     }
     const std::uint8_t* const from = first_ + std::ptrdiff_t(row + j) * stride_ + std::ptrdiff_t(column) * step_;

@@ -41,10 +41,14 @@ std::vector<cv::Point2d> BlobTracker::undistorted(const std::vector<cv::Point2d>
 
 const cv::Mat& BlobTracker::mask_of(const capture::Image& image, std::size_t camera) {
   PerCamera& c = cameras_[camera];
+  capture::require_all(image);
   if (image.format == capture::PixelFormat::yuyv) {
     const cv::Mat yuyv(image.height, image.width, CV_8UC2, const_cast<std::uint8_t*>(image.planes[0].data),
                        static_cast<std::size_t>(image.planes[0].stride));
     cv::cvtColor(yuyv, c.bgr, cv::COLOR_YUV2BGR_YUYV);
+  } else if (image.format == capture::PixelFormat::bgr) {
+    c.bgr = cv::Mat(image.height, image.width, CV_8UC3, const_cast<std::uint8_t*>(image.planes[0].data),
+                    static_cast<std::size_t>(image.planes[0].stride));
   } else {
     c.bgr = pictures::bgr_of(image);
   }

@@ -176,6 +176,7 @@ inline void write_clip(const std::filesystem::path& file, const Clip& clip) {
 // The bytes that one sees of an image: equal images, equal hash, however they lie in memory. FNV-1a.
 inline std::uint64_t hash_of(const Image& image, std::uint64_t hash = 0xcbf29ce484222325) {
   const auto add = [&](std::uint8_t byte) { hash = (hash ^ byte) * 0x100000001b3; };
+  require_all(image);
   add(static_cast<std::uint8_t>(image.format));
   for (int i = 0; i < 3; ++i)
     for (int y = 0; y < plane_rows(image.format, i, image.height); ++y)

@@ -55,6 +55,7 @@ TEST(NetworkSource, StampsPicturesOnArrival) {
     EXPECT_EQ(frames[k].status, FrameStatus::ok);
     EXPECT_EQ(frames[k].pixels.width, 64);
     EXPECT_LE(frames[k].stamped_at, taken[k]);
+    EXPECT_EQ(frames[k].arrived_at, frames[k].stamped_at);
     EXPECT_EQ(frames[k].latency, 100ms);
     ASSERT_TRUE(frames[k].encoded);
     EXPECT_EQ(frames[k].encoded->front(), 0xFF);  // a JPEG's first byte: the camera's own bytes

@@ -139,6 +139,8 @@ TEST_P(SharedRecording, HasNoFalseRepetition) {
     ++frames;
     if (watches[c].is_repeated(frame->pixels)) {
       ++repeated;
+      require_all(frame->pixels);
+      require_all(last[c]);
       for (int v = 0; v < frame->pixels.height; ++v) {
         const auto row = [&](const Image& image) {
           const auto* at = image.planes[0].data + v * image.planes[0].stride;

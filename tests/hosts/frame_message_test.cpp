@@ -28,7 +28,7 @@ capture::Frame frame_of(PixelFormat format, int width, int height) {
 }
 
 TEST(FrameMessage, RoundTripsEveryFormat) {
-  capture::JpegDecoder decoder;
+  capture::JpegReader decoder;
   for (const PixelFormat format : {PixelFormat::yuyv, PixelFormat::nv12, PixelFormat::i420, PixelFormat::i422,
                                    PixelFormat::i444, PixelFormat::bgr, PixelFormat::grey}) {
     const capture::Frame frame = frame_of(format, 34, 22);
@@ -59,7 +59,7 @@ TEST(FrameMessage, RoundTripsTheCamerasJpeg) {
   msg::CameraFrame message;
   to_message(frame, message);
   EXPECT_EQ(message.bytes().size(), frame.encoded->size());
-  capture::JpegDecoder decoder;
+  capture::JpegReader decoder;
   const capture::Frame back = from_message(std::move(message), decoder);
   ASSERT_EQ(back.status, capture::FrameStatus::ok);
   EXPECT_EQ(*back.encoded, *frame.encoded);
@@ -67,7 +67,7 @@ TEST(FrameMessage, RoundTripsTheCamerasJpeg) {
 }
 
 TEST(FrameMessage, WrongSizeIsDamage) {
-  capture::JpegDecoder decoder;
+  capture::JpegReader decoder;
   const auto status_of = [&](auto&& change) {
     msg::CameraFrame message;
     to_message(frame_of(PixelFormat::yuyv, 32, 16), message);

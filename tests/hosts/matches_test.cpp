@@ -86,7 +86,7 @@ class Sender {
 
  private:
   std::vector<MatchFinder> finders_;
-  std::vector<capture::JpegDecoder> decoders_;
+  std::vector<capture::JpegReader> decoders_;
   std::vector<capture::Image> latest_;
   std::vector<WantedOutlines> outlines_;
   std::size_t most_bytes_ = 0;

@@ -282,6 +282,8 @@ TEST_F(RemoteCamera, FramesArriveAsSent) {
     EXPECT_EQ(frame->camera, 0);
     EXPECT_EQ(frame->captured_at, frame->stamped_at) << "the film's period is regular, and one machine has one clock";
     ASSERT_EQ(frame->pixels.format, sent->pixels.format);
+    capture::require_all(frame->pixels);
+    capture::require_all(sent->pixels);
     for (int row = 0; row < frame->pixels.height; ++row)
       ASSERT_TRUE(std::equal(sent->pixels.planes[0].data + row * sent->pixels.planes[0].stride,
                              sent->pixels.planes[0].data + row * sent->pixels.planes[0].stride +

@@ -81,6 +81,36 @@ std::vector<std::unique_ptr<capture::FrameSource>> sources(Sources... all) {
   return list;
 }
 
+// As a live source: it knows when the bytes came.
+class ArrivedSource final : public capture::FrameSource {
+ public:
+  ArrivedSource(std::vector<int> cameras, int count, capture::Timestamp at)
+      : grey_(std::move(cameras), count), at_(at) {}
+  std::optional<capture::Frame> next(std::stop_token stop) override {
+    auto frame = grey_.next(stop);
+    if (frame) frame->arrived_at = at_;
+    return frame;
+  }
+
+ private:
+  GreySource grey_;
+  capture::Timestamp at_;
+};
+
+TEST(Pipeline, LatencyCountsFromTheArrivalOfTheBytes) {
+  const calib::CameraRig rig = rig_of(2);
+  const capture::Timestamp at{1'000'000s};
+  std::size_t sets = 0;
+  PipelineTo pipeline(rig, sources(ArrivedSource({0, 1}, 5, at)), trackers_for(rig, 1), options_for(rig),
+                      {.estimates = [&](const capture::FrameSet&, std::span<const object_tracking::ObjectEstimate>,
+                                        capture::Timestamp received_at) {
+                        ++sets;
+                        EXPECT_EQ(received_at, at);
+                      }});
+  pipeline.run({});
+  EXPECT_EQ(sets, 5U);
+}
+
 TEST(Pipeline, EverySetComesOutOnceInOrderWithEveryTarget) {
   const calib::CameraRig rig = rig_of(2);
   for (const int threads : {1, 2, 5}) {

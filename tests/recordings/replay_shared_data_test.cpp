@@ -170,6 +170,7 @@ TEST(SharedData, LosslessFramesHaveTheirBytes) {
     for (int i = 0; i < 10; ++i) {
       const auto frame = source.next({});
       ASSERT_TRUE(frame);
+      capture::require_all(frame->pixels);
       for (int plane = 0; plane < 3; ++plane)
         for (int y = 0; y < capture::plane_rows(frame->pixels.format, plane, 240); ++y)
           for (std::size_t x = 0; x < capture::plane_row_bytes(frame->pixels.format, plane, 320); ++x) {

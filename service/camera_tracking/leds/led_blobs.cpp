@@ -24,7 +24,9 @@ class Brightness {
         step_(image.format == capture::PixelFormat::yuyv  ? 2
               : image.format == capture::PixelFormat::bgr ? 3
                                                           : 1),
-        is_bgr_(image.format == capture::PixelFormat::bgr) {}
+        is_bgr_(image.format == capture::PixelFormat::bgr) {
+    capture::require_all(image);
+  }
 
   int operator()(int u, int v) const {
     const std::uint8_t* p = plane_.data + v * plane_.stride + static_cast<std::ptrdiff_t>(u) * step_;

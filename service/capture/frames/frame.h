@@ -52,6 +52,7 @@ struct Frame {
   std::uint32_t sequence = 0;  // 0 at stream start; a gap is a drop
   Timestamp captured_at;   // mid-exposure of the middle row, as far as known: smoothed stamp (camera_clock.h) - latency
   Timestamp stamped_at{};  // the driver's own time stamp
+  Timestamp arrived_at{};  // live: UNIX time at which its last byte had arrived, before decoding; 0: not known
   Duration latency{0};     // FrameTiming::latency
   Duration readout{0};     // FrameTiming::readout
   StampClock clock = {};   // of stamped_at

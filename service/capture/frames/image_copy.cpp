@@ -14,6 +14,7 @@ std::size_t packed_bytes(const Image& image) {
 }
 
 void pack(const Image& image, std::uint8_t* to) {
+  require_all(image);
   for (int i = 0; i < 3; ++i) {
     const auto& plane = image.planes[static_cast<std::size_t>(i)];
     const std::size_t bytes = plane_row_bytes(image.format, i, image.width);
@@ -30,6 +31,7 @@ void set_packed(Image& image, const std::uint8_t* bytes, std::shared_ptr<const v
     bytes += stride * plane_rows(image.format, i, image.height);
   }
   image.owner = std::move(owner);
+  image.on_demand = nullptr;
 }
 
 Image copy_of(const Image& image) {

@@ -15,6 +15,8 @@
 #include <jerror.h>
 // clang-format on
 
+#include "capture/frames/recycler.h"
+
 namespace huetrack::capture {
 namespace {
 
@@ -129,6 +131,7 @@ struct JpegDecoder::Impl {
 
   Errors errors;
   jpeg_decompress_struct info{};
+  Recycler<FrameMemory> memory;               // of images
   std::array<std::vector<JSAMPROW>, 3> rows;  // of each plane, into the image being decoded
 };
 
@@ -176,8 +179,8 @@ JpegResult JpegDecoder::decode(std::span<const std::uint8_t> jpeg, int width, in
     heights[i] = row_groups * static_cast<std::size_t>(info.comp_info[i].v_samp_factor * DCTSIZE);
     bytes += strides[i] * heights[i];
   }
-  const auto memory = std::make_shared_for_overwrite<std::uint8_t[]>(bytes);
-  std::uint8_t* next = memory.get();
+  auto memory = impl_->memory.take();
+  std::uint8_t* next = memory->bytes(bytes);
   for (std::size_t i = 0; i < planes; ++i) {
     image.planes[i] = {next, static_cast<std::ptrdiff_t>(strides[i])};
     impl_->rows[i].resize(heights[i]);
@@ -186,7 +189,7 @@ JpegResult JpegDecoder::decode(std::span<const std::uint8_t> jpeg, int width, in
       next += strides[i];
     }
   }
-  image.owner = memory;
+  image.owner = std::move(memory);
 
   if (!impl_->read_planes() || errors.is_damaged) return end_with(errors.text.data(), false);
   return {.image = std::move(image), .is_unsupported = false, .problem = {}};

@@ -35,6 +35,7 @@ struct Component {
 };
 
 std::array<Component, 3> components_of(const Image& image) {
+  require_all(image);
   const auto& p = image.planes;
   switch (image.format) {
     case PixelFormat::yuyv:

@@ -93,6 +93,7 @@ void put_matches(const std::vector<std::uint64_t>& tiles, int width, int height,
 }
 
 void put_patch(const Image& image, const PatchPlace& at, std::vector<std::uint8_t>& out) {
+  require(image, at.u, at.v, at.u + at.width, at.v + at.height);
   for (const int number : {at.u, at.v, at.width, at.height}) put(out, static_cast<std::uint16_t>(number));
   std::vector<std::uint8_t> samples;
   for (int p = 0; p < planes; ++p) {

@@ -92,6 +92,7 @@ std::vector<std::string> notes_on(const PictureLayout& layout) {
 
 Image turned(const Image& image, const Orientation& orientation) {
   if (orientation.is_upright() || !has_pixels(image)) return image;
+  require_all(image);
   const bool swaps = orientation.swaps_axes();
   WritableImage made = make_image(turned_format(image.format, swaps), image.range, swaps ? image.height : image.width,
                                   swaps ? image.width : image.height);
@@ -117,6 +118,7 @@ Image turned(const Image& image, const Orientation& orientation) {
 
 Image first_field(const Image& image, bool is_top_first) {
   if (!has_pixels(image)) return image;
+  require_all(image);
   Image result = copy_of(image);
   for (int plane = 0; plane < 3; ++plane) {
     const std::size_t bytes = plane_row_bytes(image.format, plane, image.width);

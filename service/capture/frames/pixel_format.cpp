@@ -41,6 +41,7 @@ bool needs_even_height(PixelFormat format) {
 
 Yuv yuv_at(const Image& image, int u, int v) {
   assert(u >= 0 && u < image.width && v >= 0 && v < image.height);
+  require(image, u, v, u + 1, v + 1);
   switch (image.format) {
     case PixelFormat::yuyv: {
       const std::uint8_t* pair = row(image, 0, v) + (u & ~1) * 2;
@@ -67,6 +68,7 @@ Yuv yuv_at(const Image& image, int u, int v) {
 
 Bgr bgr_at(const Image& image, int u, int v) {
   assert(image.format == PixelFormat::bgr && u >= 0 && u < image.width && v >= 0 && v < image.height);
+  require(image, u, v, u + 1, v + 1);
   const std::uint8_t* pixel = row(image, 0, v) + 3 * u;
   return {pixel[0], pixel[1], pixel[2]};
 }

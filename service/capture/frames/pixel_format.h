@@ -8,6 +8,8 @@
 #include <memory>
 #include <string_view>
 
+#include "capture/frames/pixels_on_demand.h"
+
 namespace huetrack::capture {
 
 enum class PixelFormat : std::uint8_t {
@@ -34,6 +36,7 @@ struct Plane {
 // An image in the camera's own format, read-only. `owner` keeps the bytes alive (a decoder's frame, an mmap()ed buffer
 // that returns to the driver when the last reader lets go, a plain vector); tracker, recorder and preview share it.
 // Planes: yuyv, bgr, grey use planes[0]; nv12 planes[0..1]; i4xx planes[0..2] = Y, U, V.
+// Who reads planes calls require() or require_all() first: the bytes of a compressed image are undefined before.
 struct Image {
   PixelFormat format = PixelFormat::grey;
   ColorRange range = ColorRange::limited;
@@ -41,7 +44,16 @@ struct Image {
   int height = 0;
   std::array<Plane, 3> planes{};
   std::shared_ptr<const void> owner;
+  std::shared_ptr<const PixelsOnDemand> on_demand = {};  // nullptr: all pixels are there
 };
+
+// Makes columns u0 .. u1 - 1 of rows v0 .. v1 - 1 readable; clipped to the image. thread-safe.
+inline void require(const Image& image, int u0, int v0, int u1, int v1) {
+  if (image.on_demand) image.on_demand->require(u0, v0, u1, v1);
+}
+inline void require_all(const Image& image) {
+  if (image.on_demand) image.on_demand->require_all();
+}
 
 // False: the image has only a format, range and size.
 inline bool has_pixels(const Image& image) {
@@ -55,7 +67,8 @@ struct Bgr {
   std::uint8_t b, g, r;
 };
 
-// The raw pixel at column u, row v (both inside the image). For YUV formats; grey gives u = v = 128.
+// The raw pixel at column u, row v (both inside the image), decoded if it is not yet. For YUV formats; grey gives
+// u = v = 128.
 Yuv yuv_at(const Image& image, int u, int v);
 // For bgr images.
 Bgr bgr_at(const Image& image, int u, int v);

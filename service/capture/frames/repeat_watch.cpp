@@ -21,7 +21,11 @@ constexpr int most_alike_between = 3, most_of_run = 12;
 
 }  // namespace
 
-bool RepeatWatch::is_repeated(const Image& image) {
+bool RepeatWatch::is_repeated(const Image& shown) {
+  // Of a compressed picture its means of 8x8 pixels: noise changes some of them in every cell, too.
+  const Image eighth = shown.on_demand ? shown.on_demand->eighth() : Image{};
+  const Image& image = has_pixels(eighth) && eighth.height >= int(down * rows_of_cell) ? eighth : shown;
+  require_all(image);
   // Plane 0 suffices: luma has the noise of all channels, and packed formats have only this plane.
   const std::size_t bytes = plane_row_bytes(image.format, 0, image.width);
   std::array<std::uint64_t, across * down> cells{};
@@ -34,10 +38,10 @@ bool RepeatWatch::is_repeated(const Image& image) {
     for (std::size_t column = 0; column < across; ++column) {
       const std::size_t first = column * bytes / across, end = (column + 1) * bytes / across;
       std::uint64_t& cell = cells[row / rows_of_cell * across + column];
-      const std::uint64_t shown = std::hash<std::string_view>()({at + first, end - first});
-      if (row == 0) first_row[column] = shown;
-      is_flat = is_flat && shown == first_row[column];
-      cell = std::rotl(cell, 1) ^ shown;
+      const std::uint64_t hash = std::hash<std::string_view>()({at + first, end - first});
+      if (row == 0) first_row[column] = hash;
+      is_flat = is_flat && hash == first_row[column];
+      cell = std::rotl(cell, 1) ^ hash;
     }
   }
   std::size_t changed = 0;

@@ -26,7 +26,7 @@ struct StaticClutterTuning {
   double min_roundness = 0.75;  // of its half widths
   double min_filled = 0.85;     // of the ellipse of these half widths
   double cut_radii = 1.5;       // radii from a region's centre in which masked clutter may have cut it
-  std::size_t probes = 256;     // masked pixels by which a view's light is followed
+  std::size_t probes = 64;      // masked pixels by which a view's light is followed: medians to a sixth of sigma
   float usual_sigmas = 4;       // of a masked pixel's noise: 6e-5 differ by more
   float min_noise = 1;          // grey values, 1 sigma of that noise
   double cut_error = 0.85;      // radii of error per missing share: an edge leaves 0.42 at half, 0.65 at a quarter

@@ -53,8 +53,9 @@ void print(Sample& sample) {
 void decode(msg::CameraFrame& message) {
   const auto& bytes = message.bytes();
   if (fuzz::is_long_to_decode({reinterpret_cast<const char*>(bytes.data()), bytes.size()})) return;
-  capture::JpegDecoder decoder;
+  capture::JpegReader decoder;
   const capture::Image image = hosts::from_message(std::move(message), decoder).pixels;
+  capture::require_all(image);
   volatile unsigned sum = 0;  // so that the reading stays
   for (int p = 0; p < 3; ++p) {
     const capture::Plane& plane = image.planes[static_cast<std::size_t>(p)];
@@ -68,7 +69,7 @@ void decode(msg::CameraFrame& message) {
 void read_matches(msg::CameraMatches& message) {
   const auto& bytes = message.bytes();
   if (fuzz::is_long_to_decode({reinterpret_cast<const char*>(bytes.data()), bytes.size()})) return;
-  capture::JpegDecoder decoder;
+  capture::JpegReader decoder;
   capture::Image latest;
   const capture::Frame frame = hosts::from_message(std::move(message), decoder, latest);
   constexpr int longest = 4096;  // the tracker takes only what has the size of the rig's camera

@@ -1,0 +1,29 @@
+// The inverse DCT of JPEG, bit for bit as libjpeg-turbo's accurate integer transform (JDCT_ISLOW) computes it on
+// x86-64: with 16-bit sums that wrap and 16-bit results that saturate, which matters for damaged coefficients only.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+namespace huetrack::capture {
+
+// Dequantised coefficients, modulo 2^16; row by row, the DC coefficient first.
+struct alignas(32) JpegBlock {
+  std::array<std::int16_t, 64> coefficients{};
+};
+
+// is_first_row_only: no quantised coefficient outside the first row is other than 0 (libjpeg-turbo has a short cut).
+// pixels: eight rows of eight.
+void inverse_transform(const JpegBlock& block, bool is_first_row_only, std::uint8_t* pixels, std::ptrdiff_t stride);
+// The same without vector instructions: for other machines, and as their reference.
+void plain_inverse_transform(const JpegBlock& block, bool is_first_row_only, std::uint8_t* pixels,
+                             std::ptrdiff_t stride);
+
+// The value of all pixels of a block that has nothing but a DC coefficient: dequantised, modulo 2^16.
+inline std::uint8_t jpeg_mean(std::int16_t dc) {
+  const int mean = (static_cast<std::int16_t>(dc * 4) + 16) >> 5;
+  return static_cast<std::uint8_t>((mean < -128 ? -128 : mean > 127 ? 127 : mean) + 128);
+}
+
+}  // namespace huetrack::capture

@@ -1,0 +1,310 @@
+#include "capture/jpeg/mcu_kernels.h"
+
+#include <algorithm>
+#include <bit>
+#include <cstring>
+
+#include "capture/jpeg/bit_reader.h"
+#include "capture/jpeg/inverse_transform.h"
+#include "particle_filter/vector_clones.h"
+
+// Shifts by a variable number of bits are most of the work, and BMI2 has them without a detour by a register of flags.
+#ifdef HUETRACK_AVX2_VERSION
+#define HUETRACK_BMI2 __attribute__((target("avx2,bmi,bmi2,movbe")))
+#endif
+
+namespace huetrack::capture {
+namespace {
+
+constexpr std::array<std::uint8_t, 64> row_order{0,  1,  8,  16, 9,  2,  3,  10, 17, 24, 32, 25, 18, 11, 4,  5,
+                                                 12, 19, 26, 33, 40, 48, 41, 34, 27, 20, 13, 6,  7,  14, 21, 28,
+                                                 35, 42, 49, 56, 57, 50, 43, 36, 29, 22, 15, 23, 30, 37, 44, 51,
+                                                 58, 59, 52, 45, 38, 31, 39, 46, 53, 60, 61, 54, 47, 55, 62, 63};
+
+// A block, symbol by symbol.
+[[gnu::noinline]] bool skip_symbols(const std::uint8_t* bytes, const ComponentTables& tables, std::size_t& bit,
+                                    std::int16_t& difference) {
+  BitReader reader(bytes, bit);
+  const HuffmanSymbol dc = tables.dc_code.symbol(reader.next(16));
+  if (dc.bits == 0) return false;
+  reader.take(dc.bits);
+  difference = static_cast<std::int16_t>(coded_value(reader.bits(), dc.value));
+  reader.take(dc.value);
+  unsigned done = 1;
+  while (done < 64) {
+    reader.refill();
+    const HuffmanSymbol symbol = tables.ac_code.symbol(reader.next(16));
+    if (symbol.bits == 0) return false;
+    const std::uint32_t entry = ac_symbol_entry(symbol);
+    reader.take(entry & 255);
+    done += entry >> 16 & 255;
+  }
+  bit = reader.bit_after(bytes);
+  return is_block_complete(done);  // more than 64 coefficients: libjpeg writes them all to the last one
+}
+
+[[gnu::always_inline]] inline std::uint64_t bits_at(const std::uint8_t* bytes, std::size_t bit) {  // 57 or more
+  std::uint64_t word;
+  std::memcpy(&word, bytes + bit / 8, sizeof word);
+  if constexpr (std::endian::native == std::endian::little) word = __builtin_bswap64(word);
+  return word << bit % 8;
+}
+
+// One block of each lane. The lanes whose block is complete wait for the others, without a branch that would depend on
+// one lane's bits: what could not be predicted would cost all lanes their work under way.
+template <std::size_t lanes>
+[[gnu::always_inline]] inline void skip_block(const std::uint8_t* bytes, const ComponentTables& tables,
+                                              std::array<std::size_t, lanes>& bit,
+                                              const std::array<std::int16_t*, lanes>& difference,
+                                              const std::array<std::uint32_t*, lanes>& position) {
+  constexpr int start_shift = 64 - ComponentTables::start_window, skip_shift = 64 - ComponentTables::skip_window;
+  const std::array<std::size_t, lanes> begin = bit;
+  std::array<int, lanes> done;  // coefficients - 64: negative while there are more
+  for (std::size_t i = 0; i < lanes; ++i) {
+    const std::uint64_t bits = bits_at(bytes, bit[i]);
+    const std::uint32_t start = tables.start[bits >> start_shift];
+    *difference[i] = static_cast<std::int16_t>(coded_value(bits << (start >> 16 & 63), start >> 24));
+    done[i] = static_cast<int>(start >> 8 & 255) - 64;
+    bit[i] += start & 255;
+  }
+  const auto is_any_open = [&] {
+    int all = 0;
+    for (const int d : done) all |= d;
+    return all < 0;
+  };
+  while (is_any_open()) {
+    for (std::size_t i = 0; i < lanes; ++i) {
+      std::uint64_t bits = bits_at(bytes, bit[i]);
+      std::uint32_t entry = tables.skip[bits >> skip_shift];
+      entry &= static_cast<std::uint32_t>(done[i] >> 31);  // nothing if the block is complete
+      done[i] += static_cast<int>(entry >> 8);
+      bit[i] += entry & 255;
+      bits <<= entry & 63;
+      entry = tables.skip[bits >> skip_shift];
+      entry &= static_cast<std::uint32_t>(done[i] >> 31);  // nothing if the block is complete
+      done[i] += static_cast<int>(entry >> 8);
+      bit[i] += entry & 255;
+    }
+  }
+  for (std::size_t i = 0; i < lanes; ++i) {
+    if (is_block_complete(static_cast<unsigned>(done[i] + 64))) [[likely]]
+      continue;
+    bit[i] = begin[i];
+    if (skip_symbols(bytes, tables, bit[i], *difference[i])) continue;
+    *position[i] |= McuLane::not_decodable;
+    bit[i] = begin[i] + 1;
+  }
+}
+
+template <std::size_t lanes>
+[[gnu::always_inline]] inline void skip_while_all(const std::uint8_t* bytes,
+                                                  std::span<const ComponentTables* const> tables,
+                                                  std::span<McuLane*> all) {
+  std::array<std::size_t, lanes> bit, stop;
+  std::array<std::int16_t*, lanes> difference;
+  std::array<std::uint32_t*, lanes> position;
+  std::size_t most = all[0]->left;
+  for (std::size_t i = 0; i < lanes; ++i) {
+    bit[i] = all[i]->bit;
+    stop[i] = all[i]->stop;
+    difference[i] = all[i]->differences;
+    position[i] = all[i]->positions;
+    most = std::min(most, all[i]->left);
+  }
+  std::size_t n = 0;
+  for (bool is_end = false; n < most && !is_end; ++n) {
+    for (std::size_t i = 0; i < lanes; ++i) *position[i] = static_cast<std::uint32_t>(bit[i]);
+    for (const ComponentTables* const of_block : tables) {
+      skip_block<lanes>(bytes, *of_block, bit, difference, position);
+      for (auto& d : difference) ++d;
+    }
+    for (std::size_t i = 0; i < lanes; ++i) {
+      ++position[i];
+      is_end |= bit[i] >= stop[i];
+    }
+  }
+  for (std::size_t i = 0; i < lanes; ++i) {
+    all[i]->bit = bit[i];
+    all[i]->left -= n;
+    all[i]->differences = difference[i];
+    all[i]->positions = position[i];
+  }
+}
+
+[[gnu::always_inline]] inline void skip(const std::uint8_t* bytes, std::span<const ComponentTables* const> tables,
+                                        std::span<McuLane> lanes) {
+  std::array<McuLane*, most_mcu_lanes> open;
+  for (;;) {
+    std::size_t n = 0;
+    for (McuLane& lane : lanes)
+      if (!lane.is_at_end()) open[n++] = &lane;
+    switch (n) {
+      case 0:
+        return;
+      case 1:
+        skip_while_all<1>(bytes, tables, open);
+        break;
+      case 2:
+        skip_while_all<2>(bytes, tables, open);
+        break;
+      case 3:
+        skip_while_all<3>(bytes, tables, open);
+        break;
+      default:
+        skip_while_all<4>(bytes, tables, open);
+    }
+  }
+}
+
+// The AC coefficients, times their steps. Returns a number of 0 if there are none, of < 8 if they are in the first row.
+[[gnu::always_inline]] inline unsigned decode_coefficients(BitReader& reader, const ComponentTables& tables,
+                                                           const std::int16_t* steps, JpegBlock& block) {
+  unsigned used = 0;
+  for (unsigned done = 1; done < 64;) {
+    reader.refill();
+    std::uint32_t entry = tables.symbol[reader.next(ComponentTables::symbol_window)];
+    if (entry == 0) entry = ac_symbol_entry(tables.ac_code.symbol(reader.next(16)));
+    const std::uint64_t bits = reader.bits() << (entry >> 8 & 63);
+    const unsigned size = entry >> 24;
+    reader.take(entry & 63);
+    done += entry >> 16 & 255;
+    if (done > 64) break;
+    const std::size_t place = row_order[done - 1];
+    block.coefficients[place] = static_cast<std::int16_t>(coded_value(bits, size) * steps[done - 1]);
+    used |= size > 0 ? static_cast<unsigned>(place) : 0;
+  }
+  return used;
+}
+
+[[gnu::always_inline]] inline void decode(const std::uint8_t* bytes, std::span<const std::uint32_t> positions,
+                                          std::span<const DecodedBlock> blocks) {
+  for (std::size_t i = 0; i < positions.size(); ++i) {
+    BitReader reader(bytes, positions[i]);
+    const auto mcu = static_cast<std::ptrdiff_t>(i);
+    for (const DecodedBlock& b : blocks) {
+      reader.refill();
+      const std::uint32_t start = b.tables->start[reader.next(ComponentTables::start_window)] >> 16;
+      const HuffmanSymbol dc = start == 0 ? b.tables->dc_code.symbol(reader.next(16)) : HuffmanSymbol{};
+      reader.take(start == 0 ? dc.bits + dc.value : (start & 255) + (start >> 8));
+      JpegBlock block;
+      block.coefficients[0] = static_cast<std::int16_t>(b.dc[mcu * b.dc_step] * b.steps[0]);
+      const unsigned used = decode_coefficients(reader, *b.tables, b.steps, block);
+      std::uint8_t* pixels = b.pixels + mcu * b.pixel_step;
+      if (used == 0) {
+        const std::uint8_t mean = jpeg_mean(block.coefficients[0]);
+        for (int v = 0; v < 8; ++v) std::memset(pixels + v * b.stride, mean, 8);
+      } else {
+        inverse_transform(block, used < 8, pixels, b.stride);
+      }
+    }
+  }
+}
+
+[[gnu::always_inline]] inline std::uint64_t swing_of(BitReader& reader, const ComponentTables& tables,
+                                                     const Swings& swings) {
+  reader.refill();
+  const std::uint32_t start = tables.start[reader.next(ComponentTables::start_window)] >> 16;
+  const HuffmanSymbol dc = start == 0 ? tables.dc_code.symbol(reader.next(16)) : HuffmanSymbol{};
+  reader.take(start == 0 ? dc.bits + dc.value : (start & 255) + (start >> 8));
+  std::uint64_t sum = 0;
+  for (unsigned done = 1; done < 64;) {
+    reader.refill();
+    std::uint32_t entry = tables.symbol[reader.next(ComponentTables::symbol_window)];
+    if (entry == 0) entry = ac_symbol_entry(tables.ac_code.symbol(reader.next(16)));
+    const int value = coded_value(reader.bits() << (entry >> 8 & 63), entry >> 24);
+    reader.take(entry & 63);
+    done += entry >> 16 & 255;
+    if (done > 64) break;
+    sum += std::uint64_t{swings[done - 1]} * static_cast<unsigned>(value < 0 ? -value : value);
+  }
+  return sum;
+}
+
+// The blocks before the first one with swings are skipped in lanes, since where each MCU begins is known.
+template <std::size_t lanes>
+[[gnu::always_inline]] inline void find_swings_of(const std::uint8_t* bytes, const std::uint32_t* positions,
+                                                  std::span<const ComponentTables* const> tables,
+                                                  std::span<const Swings* const> swings, std::uint64_t*& out) {
+  std::array<std::size_t, lanes> bit;
+  std::array<std::int16_t, lanes> differences;
+  std::array<std::uint32_t, lanes> unused;
+  std::array<std::int16_t*, lanes> difference;
+  std::array<std::uint32_t*, lanes> position;
+  for (std::size_t i = 0; i < lanes; ++i)
+    bit[i] = positions[i], difference[i] = &differences[i], position[i] = &unused[i];
+  std::size_t block = 0;
+  for (; block < tables.size() && swings[block] == nullptr; ++block)
+    skip_block<lanes>(bytes, *tables[block], bit, difference, position);
+  for (std::size_t i = 0; i < lanes; ++i) {
+    BitReader reader(bytes, bit[i]);
+    for (std::size_t b = block; b < tables.size(); ++b) *out++ = swing_of(reader, *tables[b], *swings[b]);
+  }
+}
+
+[[gnu::always_inline]] inline void find_all_swings(const std::uint8_t* bytes, std::span<const std::uint32_t> positions,
+                                                   std::span<const ComponentTables* const> tables,
+                                                   std::span<const Swings* const> swings, std::uint64_t* out) {
+  std::size_t i = 0;
+  for (; i + 4 <= positions.size(); i += 4) find_swings_of<4>(bytes, &positions[i], tables, swings, out);
+  for (; i < positions.size(); ++i) find_swings_of<1>(bytes, &positions[i], tables, swings, out);
+}
+
+#ifdef HUETRACK_BMI2
+HUETRACK_BMI2 void find_swings_with_bmi2(const std::uint8_t* bytes, std::span<const std::uint32_t> positions,
+                                         std::span<const ComponentTables* const> tables,
+                                         std::span<const Swings* const> swings, std::uint64_t* out) {
+  find_all_swings(bytes, positions, tables, swings, out);
+}
+HUETRACK_BMI2 void skip_with_bmi2(const std::uint8_t* bytes, std::span<const ComponentTables* const> tables,
+                                  std::span<McuLane> lanes) {
+  skip(bytes, tables, lanes);
+}
+HUETRACK_BMI2 void decode_with_bmi2(const std::uint8_t* bytes, std::span<const std::uint32_t> positions,
+                                    std::span<const DecodedBlock> blocks) {
+  decode(bytes, positions, blocks);
+}
+bool has_bmi2() {
+  static const bool has = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("bmi2");
+  return has;
+}
+#endif
+
+}  // namespace
+
+void skip_mcus(const std::uint8_t* bytes, std::span<const ComponentTables* const> tables, std::span<McuLane> lanes) {
+#ifdef HUETRACK_BMI2
+  if (has_bmi2()) return skip_with_bmi2(bytes, tables, lanes);
+#endif
+  skip(bytes, tables, lanes);
+}
+
+void decode_mcus(const std::uint8_t* bytes, std::span<const std::uint32_t> positions,
+                 std::span<const DecodedBlock> blocks) {
+#ifdef HUETRACK_BMI2
+  if (has_bmi2()) return decode_with_bmi2(bytes, positions, blocks);
+#endif
+  decode(bytes, positions, blocks);
+}
+
+Swings swings_of(const std::int16_t* steps) {
+  // maths: half of C(u) times the largest |cos((2 x + 1) u pi / 16)|
+  constexpr std::array<double, 8> largest{0.353554, 0.490393, 0.461940, 0.490393,
+                                          0.353554, 0.490393, 0.461940, 0.490393};
+  Swings out{};
+  for (std::size_t k = 0; k < out.size(); ++k) {
+    const std::size_t place = row_order[k];
+    out[k] = static_cast<std::uint32_t>(64 * largest[place / 8] * largest[place % 8] * steps[k]) + 1;
+  }
+  return out;
+}
+
+void find_swings(const std::uint8_t* bytes, std::span<const std::uint32_t> positions,
+                 std::span<const ComponentTables* const> tables, std::span<const Swings* const> swings,
+                 std::uint64_t* out) {
+#ifdef HUETRACK_BMI2
+  if (has_bmi2()) return find_swings_with_bmi2(bytes, positions, tables, swings, out);
+#endif
+  find_all_swings(bytes, positions, tables, swings, out);
+}
+
+}  // namespace huetrack::capture
