@@ -12,8 +12,10 @@
 #include "calib/files/config_error.h"
 #include "calib/files/text_file.h"
 #include "calib/gather/image_files.h"
+#include "capture/frames/crop.h"
 #include "capture/frames/jpeg_decoder.h"
 #include "capture/timing/frame_synchronizer.h"
+#include "recordings/bags/bag.h"
 #include "recordings/recording.h"
 #include "recordings/replay_source.h"
 
@@ -46,10 +48,19 @@ cv::Mat read_grey(const fs::path& file) {
   return grey;
 }
 
+cv::Mat cropped(const cv::Mat& grey, const std::optional<capture::Crop>& crop, const fs::path& file) {
+  if (!crop) return grey;
+  const auto problem = capture::problem_of(*crop, capture::PixelFormat::grey, grey.cols, grey.rows);
+  if (!problem.empty()) throw files::ConfigError(file, 0, problem);
+  return grey(cv::Rect(crop->u, crop->v, crop->width, crop->height));
+}
+
 class ImageFilePictures final : public PictureSource {
  public:
-  ImageFilePictures(std::vector<std::string> cameras, const std::vector<std::vector<fs::path>>& files)
-      : cameras_(std::move(cameras)), sets_(paired_images(cameras_, files)) {}
+  // crops: per camera
+  ImageFilePictures(std::vector<std::string> cameras, const std::vector<std::vector<fs::path>>& files,
+                    std::vector<std::optional<capture::Crop>> crops)
+      : cameras_(std::move(cameras)), crops_(std::move(crops)), sets_(paired_images(cameras_, files)) {}
 
   const std::vector<std::string>& cameras() const override { return cameras_; }
   std::optional<int> expected_sets() const override { return static_cast<int>(sets_.size()); }
@@ -61,11 +72,12 @@ class ImageFilePictures final : public PictureSource {
     PictureSet set;
     set.number = static_cast<int>(at_);
     set.at_s = static_cast<double>(at_);
-    for (const auto& file : sets_[at_].files) {
+    for (std::size_t c = 0; c < cameras_.size(); ++c) {
+      const auto& file = sets_[at_].files[c];
       set.pictures.emplace_back();
       if (!file) continue;
       try {
-        set.pictures.back() = {read_grey(*file), file->filename().string(), {}};
+        set.pictures.back() = {cropped(read_grey(*file), crops_[c], *file), file->filename().string(), {}};
       } catch (const files::ConfigError& error) {
         warnings_.push_back(std::string(error.what()) + ": omitted");
       }
@@ -76,6 +88,7 @@ class ImageFilePictures final : public PictureSource {
 
  private:
   std::vector<std::string> cameras_;
+  std::vector<std::optional<capture::Crop>> crops_;
   std::vector<ImageSet> sets_;
   std::size_t at_ = 0;
   std::vector<std::string> warnings_;
@@ -173,7 +186,11 @@ using NamedInputs = std::vector<std::pair<std::string, std::vector<std::string>>
 
 std::unique_ptr<PictureSource> open_named(const NamedInputs& inputs, const PictureOptions& options) {
   std::vector<std::string> names;
-  std::vector<std::vector<fs::path>> images;
+  struct Images {
+    std::vector<fs::path> files;
+    std::optional<capture::Crop> crop;
+  };
+  std::vector<Images> images;
   recordings::Recording recording;
   for (const auto& [name, given] : inputs) {
     if (!options.only.empty() && std::ranges::find(options.only, name) == options.only.end()) continue;
@@ -181,17 +198,18 @@ std::unique_ptr<PictureSource> open_named(const NamedInputs& inputs, const Pictu
     images.emplace_back();
     for (const std::string& frames : given) {
       std::error_code error;
-      const auto files = image_files(frames);
+      const auto [path, crop] = recordings::split_crop(frames, {});
+      const auto files = image_files(path);
       if (!files.empty()) {
-        std::ranges::copy(files, std::back_inserter(images.back()));
-      } else if (fs::is_regular_file(frames, error)) {
+        if (!images.back().files.empty() && images.back().crop != crop)
+          throw InputError(frames + ": the crop of camera " + name + " is not that of its other images");
+        std::ranges::copy(files, std::back_inserter(images.back().files));
+        images.back().crop = crop;
+      } else if (fs::is_regular_file(path, error) || bags::is_bag(path) || path.find(":/") != std::string::npos) {
         if (given.size() > 1) throw InputError(frames + ": give one video per camera, or only images");
-        recordings::RecordedCamera camera;
-        camera.name = name;
-        camera.frames = fs::absolute(frames);
-        recording.file = camera.frames;
-        recording.cameras.push_back(std::move(camera));
-      } else if (fs::is_directory(frames, error)) {
+        recording.file = path;
+        recording.cameras.push_back(recordings::recorded_camera(name, frames, path));
+      } else if (fs::is_directory(path, error)) {
         throw InputError(frames + ": holds no images");
       } else {
         throw InputError(frames + ": no such file or folder, and no image matches this pattern");
@@ -203,13 +221,21 @@ std::unique_ptr<PictureSource> open_named(const NamedInputs& inputs, const Pictu
       throw InputError("there is no input for camera " + name + ": give " + name + "=FRAMES");
   }
   if (!options.only.empty()) {  // in this order
-    std::vector<std::vector<fs::path>> sorted;
+    std::vector<Images> sorted;
     for (const std::string& name : options.only)
       sorted.push_back(images[static_cast<std::size_t>(std::ranges::find(names, name) - names.begin())]);
     names = options.only;
     images = std::move(sorted);
   }
-  if (recording.cameras.empty()) return std::make_unique<ImageFilePictures>(names, images);
+  if (recording.cameras.empty()) {
+    std::vector<std::vector<fs::path>> files;
+    std::vector<std::optional<capture::Crop>> crops;
+    for (Images& own : images) {
+      files.push_back(std::move(own.files));
+      crops.push_back(own.crop);
+    }
+    return std::make_unique<ImageFilePictures>(names, files, std::move(crops));
+  }
   if (recording.cameras.size() != names.size())
     throw InputError("some cameras have a video and others images: give all of one kind, or a recording.yaml");
   return std::make_unique<RecordedPictures>(recording, names, options.tolerance_s);
@@ -242,6 +268,7 @@ std::string folders_without_pictures(const fs::path& folder) {
 
 bool is_recording(const fs::path& path) {
   std::error_code error;
+  if (bags::is_bag(path)) return true;
   return fs::exists(path / "recording.yaml", error) || path.extension() == ".yaml" || path.extension() == ".yml";
 }
 

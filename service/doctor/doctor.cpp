@@ -314,7 +314,8 @@ class Doctor {
   }
   calib::ImageSize size_of(const config::LiveCameraConfig& camera) const {
     if (host_) return *camera.size;
-    return config_->rig.cameras[std::size_t(config_->rig.index_of(camera.name).value())].image_size;
+    return camera.picture_size(
+        config_->rig.cameras[std::size_t(config_->rig.index_of(camera.name).value())].image_size);
   }
 
   // Network load between camera hosts and trackers, and clock synchronisation.
