@@ -39,7 +39,7 @@ struct StaticFrames {
 
 StaticFrames static_frames_of(const fs::path& bag, const bags::Contents& contents) {
   StaticFrames frames;
-  for (const bags::Topic& topic : contents.topics) {
+  for (const bags::BagTopic& topic : contents.topics) {
     if (!bags::is_transform(topic) || !topic.name.ends_with("tf_static")) continue;
     bags::TopicReader messages(bag, topic.name);
     while (const auto message = messages.next()) {

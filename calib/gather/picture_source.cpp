@@ -181,6 +181,15 @@ std::unique_ptr<PictureSource> open_recording(const fs::path& path, const Pictur
   return std::make_unique<RecordedPictures>(recording, names, options.tolerance_s);
 }
 
+// For a message, of a folder in which nothing can be read: what is there instead, such as HEIC; may be empty.
+std::string unreadable_pictures(const fs::path& folder) {
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(folder, error))
+    if (const auto advice = recordings::advice_to_convert(entry.path()); !advice.empty())
+      return "; " + entry.path().filename().string() + " " + advice;
+  return {};
+}
+
 // NAME=FRAMES, in the given order.
 using NamedInputs = std::vector<std::pair<std::string, std::vector<std::string>>>;
 
@@ -205,12 +214,13 @@ std::unique_ptr<PictureSource> open_named(const NamedInputs& inputs, const Pictu
           throw InputError(frames + ": the crop of camera " + name + " is not that of its other images");
         std::ranges::copy(files, std::back_inserter(images.back().files));
         images.back().crop = crop;
-      } else if (fs::is_regular_file(path, error) || bags::is_bag(path) || path.find(":/") != std::string::npos) {
+      } else if (fs::is_regular_file(path, error) || recordings::is_split_film(path) || bags::is_bag(path) ||
+                 path.find(":/") != std::string::npos) {
         if (given.size() > 1) throw InputError(frames + ": give one video per camera, or only images");
         recording.file = path;
         recording.cameras.push_back(recordings::recorded_camera(name, frames, path));
       } else if (fs::is_directory(path, error)) {
-        throw InputError(frames + ": holds no images");
+        throw InputError(frames + ": holds no images" + unreadable_pictures(path));
       } else {
         throw InputError(frames + ": no such file or folder, and no image matches this pattern");
       }
@@ -247,6 +257,7 @@ NamedInputs inside(const fs::path& folder) {
   for (const auto& entry : fs::directory_iterator(folder)) {
     if (entry.is_directory() && !image_files(entry.path()).empty())
       folders[entry.path().filename().string()] = entry.path().string();
+    if (recordings::is_split_film(entry.path())) videos[entry.path().filename().string()] = entry.path().string();
     if (entry.is_regular_file() && is_video_file(entry.path()))
       videos[entry.path().stem().string()] = entry.path().string();
   }

@@ -58,16 +58,6 @@ constexpr std::array<RosEncoding, 27> ros_encodings{{
     {"bayer_bggr16", AV_PIX_FMT_BAYER_BGGR16LE, AV_PIX_FMT_BAYER_BGGR16BE},
 }};
 
-// By the first bytes: the free text of `format` differs between programs.
-AVCodecID codec_of(std::span<const std::uint8_t> bytes) {
-  const std::string_view begin(reinterpret_cast<const char*>(bytes.data()), std::min<std::size_t>(bytes.size(), 16));
-  if (begin.starts_with("\xff\xd8")) return AV_CODEC_ID_MJPEG;
-  if (begin.starts_with("\x89PNG")) return AV_CODEC_ID_PNG;
-  if (begin.starts_with("RIFF") && begin.substr(8, 4) == "WEBP") return AV_CODEC_ID_WEBP;
-  if (begin.starts_with("II*") || begin.starts_with(std::string_view("MM\0*", 4))) return AV_CODEC_ID_TIFF;
-  return AV_CODEC_ID_NONE;
-}
-
 std::string names_of(std::span<const bags::CameraTopics> cameras) {
   std::string list;
   for (const auto& camera : cameras) list += (list.empty() ? "" : ", ") + camera.picture.name;
@@ -76,7 +66,7 @@ std::string names_of(std::span<const bags::CameraTopics> cameras) {
 
 std::string other_topics(const bags::Contents& contents) {
   std::string list;
-  for (const bags::Topic& topic : contents.topics)
+  for (const bags::BagTopic& topic : contents.topics)
     list += fmt::format("{}{} ({})", list.empty() ? "" : ", ", files::printable(topic.name, 80),
                         files::printable(topic.type, 80));
   return list.empty() ? "it holds no messages" : "its topics are " + files::printable(list, 600);
@@ -133,7 +123,7 @@ std::string topic_of(const std::filesystem::path& bag, const std::string& camera
   bags::Contents contents;
   if (!topic.empty()) {
     contents = bags::contents_of(bag);
-    const auto named = std::ranges::find(contents.topics, topic, &bags::Topic::name);
+    const auto named = std::ranges::find(contents.topics, topic, &bags::BagTopic::name);
     if (named != contents.topics.end() && bags::is_picture(*named)) return topic;
     throw files::ConfigError(bag, 0,
                              (named == contents.topics.end()
@@ -159,7 +149,6 @@ BagPictures::BagPictures(const RecordedCamera& camera, std::vector<std::string>&
       warnings_(warnings),
       keeps_encoded_(keeps_encoded),
       messages_(camera.frames, camera.topic) {
-  capture::take_over_ffmpeg_log();
   measure_period();
 }
 
@@ -185,7 +174,6 @@ void BagPictures::warn(const std::string& text) {
 }
 
 std::optional<Shown> BagPictures::next() {
-  const capture::FfmpegLogScope scope(log_);
   const auto last = selection_.last();
   while (!last || index_ <= *last) {
     const auto message = messages_.next();
@@ -208,65 +196,26 @@ std::optional<Shown> BagPictures::next() {
           "transport and load: calibrate the latency (huetrack-calibrate time)");
     shown.stamp = capture::Timestamp{capture::Duration(is_stamped ? picture->stamp_ns : message->logged_at_ns)};
     problem_ = "its message is damaged";
-    std::optional<capture::Image> image = picture ? image_of(*message, *picture) : std::nullopt;
-    if (image && keeps_encoded_ && picture->is_compressed && codec_of(picture->data) == AV_CODEC_ID_MJPEG)
+    std::optional<capture::Image> image;
+    if (picture && picture->is_compressed) {
+      image = decoder_.decode(picture->data);
+      problem_ = decoder_.take_problem() + " (format \"" + files::printable(picture->encoding) + "\")";
+    } else if (picture) {
+      image = raw(*message, *picture);
+    }
+    if (image && keeps_encoded_ && picture->is_compressed && is_jpeg(picture->data))
       shown.jpeg = std::make_shared<const std::vector<std::uint8_t>>(picture->data.begin(), picture->data.end());
     if (image)
       shown.image = std::move(*image);
     else if (++lost_ <= most_lost_warnings)
-      warn("frame " + std::to_string(number) + " does not decode: " + problem_ + log_.take());
+      warn("frame " + std::to_string(number) + " does not decode: " + problem_);
     return shown;
   }
   return std::nullopt;
 }
 
-std::optional<capture::Image> BagPictures::image_of(const bags::Message& message, const bags::PictureMessage& picture) {
-  log_.take();
-  return picture.is_compressed ? compressed(picture) : raw(message, picture);
-}
-
-std::optional<capture::Image> BagPictures::compressed(const bags::PictureMessage& picture) {
-  const AVCodecID id = codec_of(picture.data);
-  if (id == AV_CODEC_ID_NONE) {
-    problem_ =
-        "it is neither JPEG, PNG, WebP nor TIFF (its format says \"" + files::printable(picture.encoding) + "\")";
-    return std::nullopt;
-  }
-  if (id == AV_CODEC_ID_MJPEG) {
-    auto result = jpeg_.decode(picture.data);
-    problem_ = result.problem;
-    if (!result.is_unsupported) return std::move(result.image);
-  }
-  problem_ = avcodec_get_name(id);
-  return decoded(picture, id);
-}
-
-std::optional<capture::Image> BagPictures::decoded(const bags::PictureMessage& picture, AVCodecID id) {
-  capture::CodecPtr& codec = codecs_[id];
-  if (!codec) {
-    const AVCodec* decoder = avcodec_find_decoder(id);
-    if (decoder == nullptr) return std::nullopt;
-    codec.reset(capture::not_null(avcodec_alloc_context3(decoder)));
-    codec->max_pixels = largest_picture;
-    codec->opaque = &log_;
-    codec->err_recognition = AV_EF_CRCCHECK | AV_EF_EXPLODE;  // no error concealment: invented pixels would be measured
-    if (avcodec_open2(codec.get(), decoder, nullptr) < 0) {
-      codec.reset();
-      return std::nullopt;
-    }
-  }
-  const capture::PacketPtr packet(capture::not_null(av_packet_alloc()));
-  if (av_new_packet(packet.get(), static_cast<int>(picture.data.size())) < 0) return std::nullopt;
-  std::ranges::copy(picture.data, packet->data);
-  packet->flags |= AV_PKT_FLAG_KEY;  // FFmpeg's PNG decoder supports predicted pictures
-  capture::FramePtr frame(capture::not_null(av_frame_alloc()));
-  if (avcodec_send_packet(codec.get(), packet.get()) < 0) return std::nullopt;
-  if (avcodec_receive_frame(codec.get(), frame.get()) < 0) return std::nullopt;
-  return pictures_.image_of(std::move(frame), id);
-}
-
 // The message's own bytes, without a copy where Image has the format.
-std::optional<capture::Image> BagPictures::raw(const bags::Message& message, const bags::PictureMessage& picture) {
+std::optional<capture::Image> BagPictures::raw(const bags::BagMessage& message, const bags::PictureMessage& picture) {
   const auto encoding = std::ranges::find(ros_encodings, picture.encoding, &RosEncoding::name);
   if (encoding == ros_encodings.end()) {
     problem_ =
@@ -303,7 +252,7 @@ std::optional<capture::Image> BagPictures::raw(const bags::Message& message, con
       av_buffer_create(bytes, picture.data.size(), release_owner, owner.get(), AV_BUFFER_FLAG_READONLY));
   owner.release();
   problem_ = "FFmpeg cannot convert " + picture.encoding;
-  return pictures_.image_of(std::move(frame), AV_CODEC_ID_RAWVIDEO);
+  return decoder_.image_of(std::move(frame));
 }
 
 }  // namespace huetrack::recordings

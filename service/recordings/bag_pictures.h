@@ -2,17 +2,13 @@
 #pragma once
 
 #include <filesystem>
-#include <map>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "capture/ffmpeg/ffmpeg_log.h"
-#include "capture/ffmpeg/ffmpeg_objects.h"
-#include "capture/ffmpeg/ffmpeg_picture.h"
-#include "capture/frames/jpeg_decoder.h"
 #include "recordings/bags/bag.h"
 #include "recordings/bags/messages.h"
+#include "recordings/picture_decoder.h"
 #include "recordings/recording.h"
 #include "recordings/video_reader.h"
 
@@ -36,10 +32,7 @@ class BagPictures final : public PictureStream {
   capture::Duration frame_period() const override { return period_; }  // the median of the first; 0: unknown
 
  private:
-  std::optional<capture::Image> image_of(const bags::Message& message, const bags::PictureMessage& picture);
-  std::optional<capture::Image> compressed(const bags::PictureMessage& picture);
-  std::optional<capture::Image> decoded(const bags::PictureMessage& picture, AVCodecID id);
-  std::optional<capture::Image> raw(const bags::Message& message, const bags::PictureMessage& picture);
+  std::optional<capture::Image> raw(const bags::BagMessage& message, const bags::PictureMessage& picture);
   void measure_period();
   void warn(const std::string& text);
 
@@ -52,10 +45,7 @@ class BagPictures final : public PictureStream {
   std::int64_t index_ = 0;
   std::int64_t lost_ = 0;  // frames that do not decode
   bool has_warned_of_stamps_ = false;
-  capture::FfmpegLog log_;
-  capture::JpegDecoder jpeg_;
-  std::map<AVCodecID, capture::CodecPtr> codecs_;
-  capture::PictureMaker pictures_;
+  PictureDecoder decoder_;
   std::string problem_;  // why the last picture has no image
 };
 

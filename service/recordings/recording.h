@@ -29,7 +29,7 @@ namespace huetrack::recordings {
 
 struct RecordedCamera {
   std::string name;
-  std::filesystem::path frames;            // absolute: a video, a printf pattern, a glob, or a ROS bag
+  std::filesystem::path frames;            // absolute: a video, a printf pattern, a glob, a split film, or a ROS bag
   std::string topic = {};                  // of a bag; never empty then
   std::optional<capture::Crop> crop = {};  // the camera's image is this part of every picture
   double fps = 0;                          // > 0: regular times, frame k was captured at k / fps + offset
@@ -74,6 +74,12 @@ capture::Crop crop_in(const yaml::YamlReader& mapping, std::string_view key);
 
 // By the file's first bytes: Matroska and WebM, AVI, MP4 and MOV, JPEG, PNG. False if it cannot be read.
 bool is_video_or_picture(const std::filesystem::path& file);
+
+// Whether a folder holds the parts of a film (camcorders: .MTS, .m2ts), which `frames` may name instead of a video.
+bool is_split_film(const std::filesystem::path& folder);
+
+// What a file is that no part of huetrack reads, and the command that converts it, such as HEIC; empty: not known.
+std::string advice_to_convert(const std::filesystem::path& file);
 
 // path: the yaml file, or the folder that holds recording.yaml; or a ROS bag (bags/bag.h), all of whose topics of
 // pictures are cameras. throws ConfigError

@@ -15,6 +15,7 @@
 #include "capture/frames/crop.h"
 #include "capture/timing/camera_clock.h"
 #include "recordings/bag_pictures.h"
+#include "recordings/jpeg_stream.h"
 #include "recordings/matches_reader.h"
 #include "recordings/picture_stream.h"
 #include "recordings/video_reader.h"
@@ -61,6 +62,8 @@ class Stream {
         reader_ = std::make_unique<MatchesReader>(camera_, warnings, options.keeps_encoded);
       else if (!camera_.topic.empty())
         reader_ = std::make_unique<BagPictures>(camera_, warnings, options.keeps_encoded);
+      else if (is_jpeg_stream(camera_.frames))
+        reader_ = std::make_unique<JpegStream>(camera_, warnings, options.keeps_encoded);
       else
         reader_ = std::make_unique<VideoReader>(camera_, options.decoder_threads, warnings, std::nullopt,
                                                 options.keeps_encoded);

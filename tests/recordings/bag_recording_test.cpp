@@ -40,8 +40,8 @@ std::string flat_bgr(int k) {
 }
 
 // left: JPEG, right: raw, 20 ms later; and a topic that is no camera.
-std::vector<BagMessage> two_cameras(Wire wire, const std::string& msg = "/msg") {
-  std::vector<BagMessage> messages;
+std::vector<WrittenMessage> two_cameras(Wire wire, const std::string& msg = "/msg") {
+  std::vector<WrittenMessage> messages;
   for (int k = 0; k < bag_frames; ++k) {
     const std::int64_t at = first_ns + k * period_ns;
     messages.push_back({"/rosout", "rcl_interfaces" + msg + "/Log", at, MessageBytes(wire).text("x").done()});
@@ -143,7 +143,7 @@ TEST_F(BagRecording, PlaysRosbag2FoldersWithSeveralFiles) {
     std::string paths;
     for (std::size_t part = 0; part < 12; ++part) {  // 10 comes after 9, not after 1
       const auto begin = messages.begin() + static_cast<std::ptrdiff_t>(3 * part);
-      const std::vector<BagMessage> own(begin, begin + 3);
+      const std::vector<WrittenMessage> own(begin, begin + 3);
       const std::string name = "run_" + std::to_string(part) + "." + ending;
       if (ending == "db3")
         write_db3(bag / name, own);
@@ -171,7 +171,7 @@ TEST_F(BagRecording, NamesMissingFilesOfARosbag2) {
 
 TEST_F(BagRecording, PlaysMessagesThatAreCompressedOneByOne) {
   auto messages = two_cameras({});
-  for (BagMessage& message : messages) message.data = compressed_bytes("zstd", message.data);
+  for (WrittenMessage& message : messages) message.data = compressed_bytes("zstd", message.data);
   write_db3(folder / "a.db3", messages);
   expect_all(folder / "a.db3");
 }
@@ -280,7 +280,7 @@ TEST_F(BagRecording, RawPicturesThatContradictThemselvesAreCorrupted) {
 
 TEST_F(BagRecording, AMessageWithoutAStampHasTheTimeOfItsRecording) {
   auto messages = two_cameras({});
-  for (BagMessage& message : messages)
+  for (WrittenMessage& message : messages)
     if (message.topic.find("left") != std::string::npos) message.data = compressed_image({}, 0, "jpeg", flat_jpeg(3));
   const Played played = play(write("a.mcap", mcap_of(messages)));
   EXPECT_EQ(played.at_ns.at(0).front(), first_ns + transport_ns);
@@ -304,7 +304,7 @@ TEST_F(BagRecording, PlaysFoxglovesPicturesInProtobuf) {
     put(out, value);
     return out;
   };
-  std::vector<BagMessage> messages;
+  std::vector<WrittenMessage> messages;
   for (int k = 0; k < bag_frames; ++k) {
     std::string stamp = "\x08\x80\xe2\xcf\xaa\x06\x10";  // 1700000000 s; nanoseconds follow
     std::uint64_t ns = static_cast<std::uint64_t>(k) * 1000;
@@ -402,7 +402,7 @@ TEST_F(BagRecording, NoDamageCrashes) {
 
 std::vector<std::string> names_of(const std::filesystem::path& folder,
                                   const std::vector<std::pair<std::string, std::string>>& topics) {
-  std::vector<BagMessage> messages;
+  std::vector<WrittenMessage> messages;
   for (const auto& [topic, type] : topics)
     messages.push_back({topic, type, first_ns,
                         type.ends_with("CompressedImage") ? compressed_image({}, first_ns, "jpeg", flat_jpeg(0))

@@ -84,7 +84,7 @@ inline std::string raw_image(Wire wire, std::int64_t stamp_ns, int width, int he
       .done();
 }
 
-struct BagMessage {
+struct WrittenMessage {
   std::string topic, type;  // "sensor_msgs/msg/Image"
   std::int64_t at_ns = 0;
   std::string data;
@@ -129,7 +129,7 @@ struct McapStyle {
 };
 
 // As rosbag2 writes it: schemas and channels in the chunks that need them first, and again in the summary.
-inline std::string mcap_of(const std::vector<BagMessage>& messages, const McapStyle& style = {}) {
+inline std::string mcap_of(const std::vector<WrittenMessage>& messages, const McapStyle& style = {}) {
   const auto record = [](std::string& to, int opcode, const std::string& content) {
     to += static_cast<char>(opcode);
     put(to, static_cast<std::uint64_t>(content.size()));
@@ -190,7 +190,7 @@ inline std::string mcap_of(const std::vector<BagMessage>& messages, const McapSt
     in_chunk.clear();
   };
   std::size_t in_this = 0;
-  for (const BagMessage& message : messages) {
+  for (const WrittenMessage& message : messages) {
     std::string& to = style.has_chunks ? records : out;
     if (!channels.contains(message.topic)) {
       const auto id = static_cast<std::uint16_t>(channels.size() + 1);
@@ -259,7 +259,7 @@ inline std::string mcap_of(const std::vector<BagMessage>& messages, const McapSt
 }
 
 // A ROS 1 bag; messages must be of Wire::is_ros1. Types as "sensor_msgs/Image".
-inline std::string ros1_bag_of(const std::vector<BagMessage>& messages, const std::string& compression = "none",
+inline std::string ros1_bag_of(const std::vector<WrittenMessage>& messages, const std::string& compression = "none",
                                bool has_index = true, std::size_t messages_per_chunk = 5) {
   const auto field = [](const std::string& name, const std::string& value) {
     std::string out;
@@ -302,7 +302,7 @@ inline std::string ros1_bag_of(const std::vector<BagMessage>& messages, const st
     counts.clear();
   };
   std::size_t k = 0;
-  for (const BagMessage& message : messages) {
+  for (const WrittenMessage& message : messages) {
     if (!connections.contains(message.topic)) {
       const auto id = static_cast<std::uint32_t>(connections.size());
       connections[message.topic] = id;
@@ -332,7 +332,7 @@ inline std::string ros1_bag_of(const std::vector<BagMessage>& messages, const st
 }
 
 // One file of a rosbag2 of storage sqlite3.
-inline void write_db3(const std::filesystem::path& file, const std::vector<BagMessage>& messages) {
+inline void write_db3(const std::filesystem::path& file, const std::vector<WrittenMessage>& messages) {
   sqlite3* db = nullptr;
   ::sqlite3_open(file.c_str(), &db);
   ::sqlite3_exec(
@@ -343,7 +343,7 @@ inline void write_db3(const std::filesystem::path& file, const std::vector<BagMe
       "BLOB NOT NULL); CREATE INDEX timestamp_idx ON messages (timestamp ASC); BEGIN;",
       nullptr, nullptr, nullptr);
   std::map<std::string, std::int64_t> topics;
-  for (const BagMessage& message : messages) {
+  for (const WrittenMessage& message : messages) {
     if (!topics.contains(message.topic)) {
       topics[message.topic] = static_cast<std::int64_t>(topics.size() + 1);
       const std::string sql = "INSERT INTO topics VALUES(" + std::to_string(topics[message.topic]) + ", '" +

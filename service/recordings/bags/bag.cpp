@@ -99,8 +99,8 @@ Contents contents_of(const fs::path& bag) {
     if (!file->has_index())
       while (file->next()) {
       }
-    for (const Topic& topic : file->topics()) {
-      const auto known = std::ranges::find(contents.topics, topic.name, &Topic::name);
+    for (const BagTopic& topic : file->topics()) {
+      const auto known = std::ranges::find(contents.topics, topic.name, &BagTopic::name);
       if (known == contents.topics.end())
         contents.topics.push_back(topic);
       else
@@ -124,7 +124,7 @@ TopicReader::TopicReader(const fs::path& bag, std::string topic) : impl_(std::ma
 }
 TopicReader::~TopicReader() = default;
 
-std::optional<Message> TopicReader::next() {
+std::optional<BagMessage> TopicReader::next() {
   while (impl_->at < impl_->files.size()) {
     BagFile& file = *impl_->files[impl_->at];
     auto message = file.next();
@@ -150,7 +150,7 @@ std::optional<std::int64_t> TopicReader::messages() const {
   std::int64_t sum = 0;
   for (const auto& file : impl_->files) {
     if (!file->has_index()) return std::nullopt;
-    for (const Topic& topic : file->topics())
+    for (const BagTopic& topic : file->topics())
       if (topic.name == impl_->topic) sum += topic.messages;
   }
   return sum;

@@ -19,14 +19,14 @@ namespace huetrack::bags {
 
 inline constexpr std::size_t largest_bytes = 256U << 20;  // capacity: bytes of a message or a decompressed chunk
 
-struct Topic {
+struct BagTopic {
   std::string name;      // "/left/image_raw"
   std::string type;      // "sensor_msgs/Image": ROS 2's without its "/msg"
   std::string encoding;  // of its messages: cdr (ROS 2), ros1, protobuf, ...
   std::int64_t messages = 0;
 };
 
-struct Message {
+struct BagMessage {
   std::int64_t logged_at_ns = 0;  // when it was recorded
   std::string type, encoding;     // its topic's
   std::span<const std::uint8_t> data;
@@ -41,7 +41,7 @@ bool is_bag(const std::filesystem::path& path);
 std::vector<std::filesystem::path> parts_of(const std::filesystem::path& bag);
 
 struct Contents {
-  std::vector<Topic> topics;
+  std::vector<BagTopic> topics;
   std::vector<std::string> warnings;  // one line each
 };
 // Reads a file without an index as a whole. throws ConfigError: not a bag, or nothing of it can be read.
@@ -55,7 +55,7 @@ class TopicReader {
   TopicReader(const TopicReader&) = delete;
   TopicReader& operator=(const TopicReader&) = delete;
 
-  std::optional<Message> next();                 // nullopt at the end. Never throws.
+  std::optional<BagMessage> next();              // nullopt at the end. Never throws.
   std::optional<std::int64_t> messages() const;  // of the whole bag, by its index; nullopt: it has none
   std::vector<std::string> take_warnings();      // since the last call, one line each
 

@@ -15,9 +15,9 @@ namespace huetrack::bags {
 class BagFile {
  public:
   virtual ~BagFile() = default;
-  virtual const std::vector<Topic>& topics() const = 0;  // those known so far: from the index, or met while reading
-  virtual bool has_index() const = 0;                    // topics() is complete, with its numbers of messages
-  virtual std::optional<Message> next() = 0;  // of the wanted topic, or of any; nullopt at the end. Never throws.
+  virtual const std::vector<BagTopic>& topics() const = 0;  // those known so far: from the index, or met while reading
+  virtual bool has_index() const = 0;                       // topics() is complete, with its numbers of messages
+  virtual std::optional<BagMessage> next() = 0;  // of the wanted topic, or of any; nullopt at the end. Never throws.
 
   std::vector<std::string> warnings;  // one line each
 };

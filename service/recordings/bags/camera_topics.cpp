@@ -33,10 +33,10 @@ std::string camera_path(std::string topic) {
 
 }  // namespace
 
-std::vector<CameraTopics> cameras_of(std::span<const Topic> topics) {
+std::vector<CameraTopics> cameras_of(std::span<const BagTopic> topics) {
   std::vector<CameraTopics> cameras;
   std::vector<std::vector<std::string>> names;
-  for (const Topic& topic : topics) {
+  for (const BagTopic& topic : topics) {
     // of a depth image, by the names that image_transport and the drivers give it
     const bool is_depth =
         topic.name.find("depth") != std::string::npos || topic.name.find("disparity") != std::string::npos;
@@ -47,7 +47,7 @@ std::vector<CameraTopics> cameras_of(std::span<const Topic> topics) {
       if (same->picture.name.ends_with("/compressed")) same->picture = topic;
       continue;
     }
-    const auto lens = std::ranges::find(topics, path + "/camera_info", &Topic::name);
+    const auto lens = std::ranges::find(topics, path + "/camera_info", &BagTopic::name);
     cameras.push_back(
         {.camera = {}, .picture = topic, .lens = lens != topics.end() && is_lens(*lens) ? lens->name : ""});
     names.push_back(parts_of_topic(path));

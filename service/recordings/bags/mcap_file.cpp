@@ -47,10 +47,10 @@ class McapFile final : public BagFile {
     if (!has_index_) forget();
   }
 
-  const std::vector<Topic>& topics() const override { return topics_; }
+  const std::vector<BagTopic>& topics() const override { return topics_; }
   bool has_index() const override { return has_index_; }
 
-  std::optional<Message> next() override {
+  std::optional<BagMessage> next() override {
     while (true) {
       if (chunk_) {
         if (auto message = next_in_chunk()) return message;
@@ -85,7 +85,7 @@ class McapFile final : public BagFile {
       if (!in.ok() || channels_.contains(id)) return;
       const std::string type = schemas_.contains(schema) ? schemas_.at(schema) : std::string();
       auto known =
-          std::ranges::find(topics_, topic, &Topic::name);  // several recorders may have a channel of one topic
+          std::ranges::find(topics_, topic, &BagTopic::name);  // several recorders may have a channel of one topic
       if (known == topics_.end()) known = topics_.insert(topics_.end(), {topic, type, encoding, 0});
       channels_[id] = static_cast<std::size_t>(known - topics_.begin());
     }
@@ -96,16 +96,18 @@ class McapFile final : public BagFile {
     return known != channels_.end() && (wanted_.empty() || topics_[known->second].name == wanted_);
   }
 
-  std::optional<Message> message_of(std::span<const std::uint8_t> content, const std::shared_ptr<const void>& owner) {
+  std::optional<BagMessage> message_of(std::span<const std::uint8_t> content,
+                                       const std::shared_ptr<const void>& owner) {
     Cursor in(content);
     const auto channel = in.number<std::uint16_t>();
     in.number<std::uint32_t>();  // number
     const auto logged_at = in.number<std::uint64_t>();
     in.number<std::uint64_t>();  // published: ROS 2 has the same there
     if (!in.ok() || !is_wanted(channel)) return std::nullopt;
-    Topic& topic = topics_[channels_.at(channel)];
+    BagTopic& topic = topics_[channels_.at(channel)];
     if (!has_index_) ++topic.messages;
-    return Message{static_cast<std::int64_t>(logged_at), topic.type, topic.encoding, content.subspan(in.at()), owner};
+    return BagMessage{static_cast<std::int64_t>(logged_at), topic.type, topic.encoding, content.subspan(in.at()),
+                      owner};
   }
 
   // ---- The summary
@@ -192,7 +194,7 @@ class McapFile final : public BagFile {
   // ---- The data
 
   // A message between the chunks; or none, and then a chunk is open, or the next record follows.
-  std::optional<Message> next_record() {
+  std::optional<BagMessage> next_record() {
     if (const auto place = chunks_.find(at_); place != chunks_.end() && !place->second.is_wanted) {
       at_ = place->second.end;
       return std::nullopt;
@@ -251,7 +253,7 @@ class McapFile final : public BagFile {
     return is_whole ? note(problem) : damaged(problem);
   }
 
-  std::optional<Message> next_in_chunk() {
+  std::optional<BagMessage> next_in_chunk() {
     while (records_->ok() && !records_->at_end()) {
       const auto opcode = static_cast<McapOpcode>(records_->number<std::uint8_t>());
       const Record record{opcode, records_->bytes(records_->number<std::uint64_t>())};
@@ -286,7 +288,7 @@ class McapFile final : public BagFile {
   const ByteFile file_;
   const std::string wanted_;
   bool has_index_ = false;
-  std::vector<Topic> topics_;
+  std::vector<BagTopic> topics_;
   std::map<std::uint16_t, std::string> schemas_;   // types
   std::map<std::uint16_t, std::size_t> channels_;  // topics
   std::map<std::uint64_t, ChunkPlace> chunks_;     // by their place in the file

@@ -17,7 +17,7 @@ constexpr std::uint32_t most_transforms = 10'000;  // capacity
 class Fields {
  public:
   // nullopt: an encoding that is not supported, such as XCDR 2.
-  static std::optional<Fields> of(const Message& message) {
+  static std::optional<Fields> of(const BagMessage& message) {
     if (message.encoding == "ros1") return Fields(message.data, {}, true);
     constexpr std::size_t encapsulation = 4;  // 0, the endianness, and two bytes of options
     if (message.encoding != "cdr" || message.data.size() < encapsulation || message.data[0] != 0 || message.data[1] > 1)
@@ -155,7 +155,7 @@ struct ProtobufPicture {
 constexpr std::array<ProtobufPicture, 2> protobuf_pictures{
     {{"foxglove.CompressedImage", true, 4, 0, 0, 3, 0, 2}, {"foxglove.RawImage", false, 7, 2, 3, 4, 5, 6}}};
 
-std::optional<PictureMessage> protobuf_picture(const ProtobufPicture& type, const Message& message) {
+std::optional<PictureMessage> protobuf_picture(const ProtobufPicture& type, const BagMessage& message) {
   PictureMessage out;
   out.is_compressed = type.is_compressed;
   const auto text_of = [](std::span<const std::uint8_t> bytes) { return std::string(bytes.begin(), bytes.end()); };
@@ -184,22 +184,22 @@ std::optional<PictureMessage> protobuf_picture(const ProtobufPicture& type, cons
 
 }  // namespace
 
-bool is_picture(const Topic& topic) {
+bool is_picture(const BagTopic& topic) {
   if (topic.encoding == "protobuf")
     return std::ranges::find(protobuf_pictures, topic.type, &ProtobufPicture::name) != protobuf_pictures.end();
   return (topic.encoding == "cdr" || topic.encoding == "ros1") &&
          std::ranges::find(ros_pictures, topic.type, &PictureType::name) != ros_pictures.end();
 }
 
-bool is_lens(const Topic& topic) {
+bool is_lens(const BagTopic& topic) {
   return topic.type == "sensor_msgs/CameraInfo" && (topic.encoding == "cdr" || topic.encoding == "ros1");
 }
 
-bool is_transform(const Topic& topic) {
+bool is_transform(const BagTopic& topic) {
   return topic.type == "tf2_msgs/TFMessage" && (topic.encoding == "cdr" || topic.encoding == "ros1");
 }
 
-std::optional<PictureMessage> picture_of(const Message& message) {
+std::optional<PictureMessage> picture_of(const BagMessage& message) {
   if (message.encoding == "protobuf") {
     const auto type = std::ranges::find(protobuf_pictures, message.type, &ProtobufPicture::name);
     return type == protobuf_pictures.end() ? std::nullopt : protobuf_picture(*type, message);
@@ -213,7 +213,7 @@ std::optional<PictureMessage> picture_of(const Message& message) {
   return in->ok() ? std::optional(out) : std::nullopt;
 }
 
-std::optional<LensMessage> lens_of(const Message& message) {
+std::optional<LensMessage> lens_of(const BagMessage& message) {
   auto in = Fields::of(message);
   if (!in) return std::nullopt;
   LensMessage out;
@@ -231,7 +231,7 @@ std::optional<LensMessage> lens_of(const Message& message) {
   return in->ok() ? std::optional(out) : std::nullopt;
 }
 
-std::optional<std::vector<TransformMessage>> transforms_of(const Message& message) {
+std::optional<std::vector<TransformMessage>> transforms_of(const BagMessage& message) {
   auto in = Fields::of(message);
   if (!in) return std::nullopt;
   std::vector<TransformMessage> out(std::min(in->number<std::uint32_t>(), most_transforms));

@@ -39,13 +39,13 @@ struct TransformMessage {  // of a tf2_msgs/TFMessage
   std::array<double, 4> rotation_xyzw{};
 };
 
-bool is_picture(const Topic& topic);  // of a type that picture_of() reads
-bool is_lens(const Topic& topic);
-bool is_transform(const Topic& topic);
+bool is_picture(const BagTopic& topic);  // of a type that picture_of() reads
+bool is_lens(const BagTopic& topic);
+bool is_transform(const BagTopic& topic);
 
 // nullopt: damaged, or of another type.
-std::optional<PictureMessage> picture_of(const Message& message);
-std::optional<LensMessage> lens_of(const Message& message);
-std::optional<std::vector<TransformMessage>> transforms_of(const Message& message);
+std::optional<PictureMessage> picture_of(const BagMessage& message);
+std::optional<LensMessage> lens_of(const BagMessage& message);
+std::optional<std::vector<TransformMessage>> transforms_of(const BagMessage& message);
 
 }  // namespace huetrack::bags

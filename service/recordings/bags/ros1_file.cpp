@@ -61,10 +61,10 @@ class Ros1File final : public BagFile {
     connections_.clear();
   }
 
-  const std::vector<Topic>& topics() const override { return topics_; }
+  const std::vector<BagTopic>& topics() const override { return topics_; }
   bool has_index() const override { return has_index_; }
 
-  std::optional<Message> next() override {
+  std::optional<BagMessage> next() override {
     while (true) {
       if (chunk_) {
         if (auto message = next_in_chunk()) return message;
@@ -87,7 +87,7 @@ class Ros1File final : public BagFile {
     if (!data || connections_.contains(id)) return;
     const std::string topic = text_in(record.header, "topic");
     auto known =
-        std::ranges::find(topics_, topic, &Topic::name);  // several publishers may have a connection of one topic
+        std::ranges::find(topics_, topic, &BagTopic::name);  // several publishers may have a connection of one topic
     if (known == topics_.end()) known = topics_.insert(topics_.end(), {topic, text_in(*data, "type"), "ros1", 0});
     connections_[id] = static_cast<std::size_t>(known - topics_.begin());
   }
@@ -182,7 +182,7 @@ class Ros1File final : public BagFile {
     records_.emplace(content);
   }
 
-  std::optional<Message> next_in_chunk() {
+  std::optional<BagMessage> next_in_chunk() {
     while (records_->ok() && !records_->at_end()) {
       const auto header = fields_of(records_->counted());
       const auto data = records_->counted();
@@ -192,13 +192,13 @@ class Ros1File final : public BagFile {
       if (op != ros1_message) continue;
       const auto known = connections_.find(number_in<std::uint32_t>(*header, "conn"));
       if (known == connections_.end()) continue;
-      Topic& topic = topics_[known->second];
+      BagTopic& topic = topics_[known->second];
       if (!wanted_.empty() && topic.name != wanted_) continue;
       if (!has_index_) ++topic.messages;
       const auto time =
           number_in<std::uint64_t>(*header, "time");  // seconds in the lower half, nanoseconds in the upper
-      return Message{static_cast<std::int64_t>((time & 0xffff'ffff) * 1'000'000'000 + (time >> 32)), topic.type,
-                     topic.encoding, data, chunk_};
+      return BagMessage{static_cast<std::int64_t>((time & 0xffff'ffff) * 1'000'000'000 + (time >> 32)), topic.type,
+                        topic.encoding, data, chunk_};
     }
     chunk_ = nullptr;
     return std::nullopt;
@@ -216,7 +216,7 @@ class Ros1File final : public BagFile {
   const std::string wanted_;
   bool has_index_ = false;
   std::uint64_t index_at_ = 0;
-  std::vector<Topic> topics_;
+  std::vector<BagTopic> topics_;
   std::map<std::uint32_t, std::size_t> connections_;  // topics
   std::uint64_t at_ = 0;
   bool ended_ = false;

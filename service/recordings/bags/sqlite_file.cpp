@@ -35,7 +35,7 @@ class SqliteFile final : public BagFile {
     while (stepped(topics.get())) {
       const std::int64_t id = ::sqlite3_column_int64(topics.get(), 0);
       ::sqlite3_bind_int64(count.get(), 1, id);
-      Topic topic{text(topics.get(), 1), plain_type(text(topics.get(), 2)), text(topics.get(), 3), 0};
+      BagTopic topic{text(topics.get(), 1), plain_type(text(topics.get(), 2)), text(topics.get(), 3), 0};
       if (stepped(count.get())) topic.messages = ::sqlite3_column_int64(count.get(), 0);
       ::sqlite3_reset(count.get());
       if (wanted.empty() || topic.name == wanted) wanted_.emplace_back(id, topics_.size());
@@ -46,22 +46,22 @@ class SqliteFile final : public BagFile {
     messages_ = prepared("SELECT topic_id, timestamp, data FROM messages ORDER BY id");
   }
 
-  const std::vector<Topic>& topics() const override { return topics_; }
+  const std::vector<BagTopic>& topics() const override { return topics_; }
   bool has_index() const override { return true; }
 
-  std::optional<Message> next() override {
+  std::optional<BagMessage> next() override {
     while (stepped(messages_.get())) {
       const auto wanted = std::ranges::find(wanted_, ::sqlite3_column_int64(messages_.get(), 0),
                                             &std::pair<std::int64_t, std::size_t>::first);
       if (wanted == wanted_.end()) continue;
-      const Topic& topic = topics_[wanted->second];
+      const BagTopic& topic = topics_[wanted->second];
       const auto* data = static_cast<const std::uint8_t*>(::sqlite3_column_blob(messages_.get(), 2));
       const auto size = static_cast<std::size_t>(::sqlite3_column_bytes(messages_.get(), 2));
       const std::span<const std::uint8_t> blob(data, data == nullptr ? 0 : size);
       Buffer buffer = make_buffer(blob.size());
       std::ranges::copy(blob, buffer->begin());
       const std::span<const std::uint8_t> own = std::span(*buffer).first(blob.size());
-      return Message{::sqlite3_column_int64(messages_.get(), 1), topic.type, topic.encoding, own, buffer};
+      return BagMessage{::sqlite3_column_int64(messages_.get(), 1), topic.type, topic.encoding, own, buffer};
     }
     return std::nullopt;
   }
@@ -97,7 +97,7 @@ class SqliteFile final : public BagFile {
   const std::filesystem::path path_;
   std::unique_ptr<sqlite3, CloseDatabase> database_;
   StatementPtr messages_;
-  std::vector<Topic> topics_;
+  std::vector<BagTopic> topics_;
   std::vector<std::pair<std::int64_t, std::size_t>> wanted_;  // topic_id, index in topics_
   bool has_ended_ = false;
 };
