@@ -12,8 +12,11 @@ bool is_even(const Crop& crop) {
 }
 
 bool is_same_device(const CameraRequest& a, const CameraRequest& b) {
+  const auto is_same = [](const ControlSetting& x, const ControlSetting& y) {
+    return x.name == y.name && x.value == y.value;
+  };
   return a.format == b.format && a.width == b.width && a.height == b.height && a.fps == b.fps &&
-         a.controls == b.controls && a.restore_controls == b.restore_controls;
+         std::ranges::equal(a.controls, b.controls, is_same) && a.restore_controls == b.restore_controls;
 }
 
 }  // namespace

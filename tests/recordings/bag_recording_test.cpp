@@ -169,6 +169,16 @@ TEST_F(BagRecording, NamesMissingFilesOfARosbag2) {
               ElementsAre(AllOf(HasSubstr("run_1.db3"), HasSubstr("its part of the recording is missing"))));
 }
 
+TEST_F(BagRecording, ARecorderThatWasKilledLeavesAnEmptyFile) {
+  const auto bag = folder / "run";
+  std::filesystem::create_directory(bag);
+  write_db3(bag / "run_0.db3", two_cameras({}));
+  capture::write_text(bag / "run_1.db3", "");
+  const Played played = play(bag);
+  EXPECT_EQ(played.shown.at(1).size(), std::size_t{bag_frames});
+  EXPECT_THAT(played.warnings, Contains(HasSubstr("run_1.db3: is empty")));
+}
+
 TEST_F(BagRecording, PlaysMessagesThatAreCompressedOneByOne) {
   auto messages = two_cameras({});
   for (WrittenMessage& message : messages) message.data = compressed_bytes("zstd", message.data);

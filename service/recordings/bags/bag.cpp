@@ -92,46 +92,89 @@ std::vector<fs::path> parts_of(const fs::path& bag) {
   return parts.empty() ? files_in(bag, ".db3") : parts;
 }
 
+namespace {
+
+// Calls with_file(file) for every file of a bag that can be opened; the errors of the others become warnings. throws
+// ConfigError: that of the first, if none can
+template <typename WithFile>
+void for_each_file(const fs::path& bag, std::string_view wanted, std::vector<std::string>& warnings,
+                   const WithFile& with_file) {
+  std::optional<files::ConfigError> first_error;
+  bool is_any_open = false;
+  for (const fs::path& part : parts_or_fail(bag)) {
+    try {
+      with_file(*open_part(part, wanted));
+      is_any_open = true;
+    } catch (const files::ConfigError& error) {
+      warnings.emplace_back(error.what());
+      if (!first_error) first_error = error;
+    }
+  }
+  if (!is_any_open) throw *first_error;
+}
+
+}  // namespace
+
 Contents contents_of(const fs::path& bag) {
   Contents contents;
-  for (const fs::path& part : parts_or_fail(bag)) {
-    const auto file = open_part(part, "");
-    if (!file->has_index())
-      while (file->next()) {
+  for_each_file(bag, "", contents.warnings, [&](BagFile& file) {
+    if (!file.has_index())
+      while (file.next()) {
       }
-    for (const BagTopic& topic : file->topics()) {
+    for (const BagTopic& topic : file.topics()) {
       const auto known = std::ranges::find(contents.topics, topic.name, &BagTopic::name);
       if (known == contents.topics.end())
         contents.topics.push_back(topic);
       else
         known->messages += topic.messages;
     }
-    std::ranges::move(file->warnings, std::back_inserter(contents.warnings));
-  }
+    std::ranges::move(file.warnings, std::back_inserter(contents.warnings));
+  });
   return contents;
 }
 
 struct TopicReader::Impl {
+  // False: there is no other file.
+  bool open_next() {
+    file.reset();
+    if (at == parts.size()) return false;
+    try {
+      file = open_part(parts[at++], topic);
+    } catch (const files::ConfigError& error) {  // it was there at the start
+      warnings.emplace_back(error.what());
+    }
+    return true;
+  }
+
+  std::vector<fs::path> parts;
   std::string topic;
-  std::vector<std::unique_ptr<BagFile>> files;
-  std::size_t at = 0;
+  std::size_t at = 0;             // in parts
+  std::unique_ptr<BagFile> file;  // one at a time: a bag may have thousands
+  std::optional<std::int64_t> messages = 0;
   std::vector<std::string> warnings;
 };
 
 TopicReader::TopicReader(const fs::path& bag, std::string topic) : impl_(std::make_unique<Impl>()) {
+  impl_->parts = parts_or_fail(bag);
   impl_->topic = std::move(topic);
-  for (const fs::path& part : parts_or_fail(bag)) impl_->files.push_back(open_part(part, impl_->topic));
+  std::vector<std::string> reported_by_next;
+  for_each_file(bag, impl_->topic, reported_by_next, [&](BagFile& file) {
+    if (!file.has_index()) impl_->messages.reset();
+    for (const BagTopic& known : file.topics())
+      if (known.name == impl_->topic && impl_->messages) *impl_->messages += known.messages;
+  });
+  if (!reported_by_next.empty()) impl_->messages.reset();
 }
 TopicReader::~TopicReader() = default;
 
 std::optional<BagMessage> TopicReader::next() {
-  while (impl_->at < impl_->files.size()) {
-    BagFile& file = *impl_->files[impl_->at];
-    auto message = file.next();
-    std::ranges::move(file.warnings, std::back_inserter(impl_->warnings));
-    file.warnings.clear();
+  while (impl_->file || impl_->open_next()) {
+    if (!impl_->file) continue;
+    auto message = impl_->file->next();
+    std::ranges::move(impl_->file->warnings, std::back_inserter(impl_->warnings));
+    impl_->file->warnings.clear();
     if (!message) {
-      ++impl_->at;
+      impl_->file.reset();
       continue;
     }
     // rosbag2's compression mode "message"
@@ -147,13 +190,7 @@ std::optional<BagMessage> TopicReader::next() {
 }
 
 std::optional<std::int64_t> TopicReader::messages() const {
-  std::int64_t sum = 0;
-  for (const auto& file : impl_->files) {
-    if (!file->has_index()) return std::nullopt;
-    for (const BagTopic& topic : file->topics())
-      if (topic.name == impl_->topic) sum += topic.messages;
-  }
-  return sum;
+  return impl_->messages;
 }
 
 std::vector<std::string> TopicReader::take_warnings() {

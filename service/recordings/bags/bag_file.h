@@ -20,6 +20,15 @@ class BagFile {
   virtual std::optional<BagMessage> next() = 0;  // of the wanted topic, or of any; nullopt at the end. Never throws.
 
   std::vector<std::string> warnings;  // one line each
+
+ protected:
+  void warn(const std::string& text) {
+    constexpr int most = 5;
+    if (++warned_ <= most) warnings.push_back(text + (warned_ == most ? " (further ones are not listed)" : ""));
+  }
+
+ private:
+  int warned_ = 0;
 };
 
 // wanted: a topic's name; empty: all messages. throw ConfigError: it cannot be opened, or is of another kind

@@ -241,7 +241,7 @@ class McapFile final : public BagFile {
       const Decompressed out = decompress(compression, stored, size);
       chunk_ = out.buffer;
       records = std::span(*out.buffer).first(out.size);
-      if (is_whole && !out.problem.empty()) problem = "is damaged: a chunk " + out.problem;
+      if (is_whole && !out.problem.empty()) problem = "a chunk " + out.problem;
     }
     if (problem.empty() && (records.size() != size || (checksum != 0 && crc_of(records) != checksum))) {
       problem = "is damaged: a chunk has a wrong checksum and is left out";
@@ -269,7 +269,7 @@ class McapFile final : public BagFile {
   }
 
   std::nullopt_t note(const std::string& problem) {
-    warnings.push_back(path_.string() + ": " + problem);
+    warn(path_.string() + ": " + problem);
     return std::nullopt;
   }
 

@@ -149,7 +149,7 @@ class Ros1File final : public BagFile {
   void next_record() {
     if (at_ == file_.size() || (has_index_ && at_ >= index_at_)) {
       ended_ = true;
-      if (!has_index_) warnings.push_back(path_.string() + ": has no index: its recorder did not finish it");
+      if (!has_index_) warn(path_.string() + ": has no index: its recorder did not finish it");
       return;
     }
     const auto head = read_head(at_);
@@ -177,7 +177,7 @@ class Ros1File final : public BagFile {
       const Decompressed out = decompress(compression, content, number_in<std::uint32_t>(header, "size"));
       chunk_ = out.buffer;
       content = std::span(*out.buffer).first(out.size);
-      if (!out.problem.empty()) warnings.push_back(path_.string() + ": a chunk " + out.problem);
+      if (!out.problem.empty()) warn(path_.string() + ": a chunk " + out.problem);
     }
     records_.emplace(content);
   }
@@ -205,7 +205,7 @@ class Ros1File final : public BagFile {
   }
 
   void damaged(const std::string& problem) {
-    warnings.push_back(path_.string() + ": " + problem + " (at byte " + std::to_string(at_) + ")");
+    warn(path_.string() + ": " + problem + " (at byte " + std::to_string(at_) + ")");
     ended_ = true;
   }
 

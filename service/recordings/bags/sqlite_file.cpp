@@ -31,30 +31,28 @@ class SqliteFile final : public BagFile {
     if (error != SQLITE_OK) fail();
     ::sqlite3_limit(opened, SQLITE_LIMIT_LENGTH, static_cast<int>(largest_bytes));
     const StatementPtr topics = prepared("SELECT id, name, type, serialization_format FROM topics ORDER BY id");
-    const StatementPtr count = prepared("SELECT COUNT(*) FROM messages WHERE topic_id = ?");
     while (stepped(topics.get())) {
-      const std::int64_t id = ::sqlite3_column_int64(topics.get(), 0);
-      ::sqlite3_bind_int64(count.get(), 1, id);
       BagTopic topic{text(topics.get(), 1), plain_type(text(topics.get(), 2)), text(topics.get(), 3), 0};
-      if (stepped(count.get())) topic.messages = ::sqlite3_column_int64(count.get(), 0);
-      ::sqlite3_reset(count.get());
-      if (wanted.empty() || topic.name == wanted) wanted_.emplace_back(id, topics_.size());
+      if (wanted.empty() || topic.name == wanted)
+        wanted_.emplace_back(::sqlite3_column_int64(topics.get(), 0), topics_.size());
       topics_.push_back(std::move(topic));
     }
     if (!warnings.empty()) fail();
+    count_messages();
     // By number: in order of time the database would be sorted, where it has no index.
     messages_ = prepared("SELECT topic_id, timestamp, data FROM messages ORDER BY id");
   }
 
   const std::vector<BagTopic>& topics() const override { return topics_; }
-  bool has_index() const override { return true; }
+  bool has_index() const override { return has_counts_; }
 
   std::optional<BagMessage> next() override {
     while (stepped(messages_.get())) {
       const auto wanted = std::ranges::find(wanted_, ::sqlite3_column_int64(messages_.get(), 0),
                                             &std::pair<std::int64_t, std::size_t>::first);
       if (wanted == wanted_.end()) continue;
-      const BagTopic& topic = topics_[wanted->second];
+      BagTopic& topic = topics_[wanted->second];
+      if (!has_counts_) ++topic.messages;
       const auto* data = static_cast<const std::uint8_t*>(::sqlite3_column_blob(messages_.get(), 2));
       const auto size = static_cast<std::size_t>(::sqlite3_column_bytes(messages_.get(), 2));
       const std::span<const std::uint8_t> blob(data, data == nullptr ? 0 : size);
@@ -67,13 +65,26 @@ class SqliteFile final : public BagFile {
   }
 
  private:
+  // Of a damaged file they are counted as they come.
+  void count_messages() {
+    const StatementPtr count = prepared("SELECT COUNT(*) FROM messages WHERE topic_id = ?");
+    for (const auto& [id, topic] : wanted_) {
+      ::sqlite3_bind_int64(count.get(), 1, id);
+      has_counts_ = has_counts_ && ::sqlite3_step(count.get()) == SQLITE_ROW;
+      topics_[topic].messages = has_counts_ ? ::sqlite3_column_int64(count.get(), 0) : 0;
+      ::sqlite3_reset(count.get());
+    }
+    if (!has_counts_)
+      for (BagTopic& topic : topics_) topic.messages = 0;
+  }
+
   // False at the end, and at damage, with a warning.
   bool stepped(sqlite3_stmt* statement) {
     if (has_ended_) return false;
     const int result = ::sqlite3_step(statement);
     if (result != SQLITE_ROW && result != SQLITE_DONE) {
       has_ended_ = true;
-      warnings.push_back(path_.string() + ": is cut off or damaged: " + ::sqlite3_errmsg(database_.get()));
+      warn(path_.string() + ": is cut off or damaged: " + ::sqlite3_errmsg(database_.get()));
     }
     return result == SQLITE_ROW;
   }
@@ -99,6 +110,7 @@ class SqliteFile final : public BagFile {
   StatementPtr messages_;
   std::vector<BagTopic> topics_;
   std::vector<std::pair<std::int64_t, std::size_t>> wanted_;  // topic_id, index in topics_
+  bool has_counts_ = true;
   bool has_ended_ = false;
 };
 
