@@ -22,7 +22,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double longest_break_s = 1;  // between two parts of one film; takes begin anew, or minutes later
+// Between two parts of one film; takes begin anew, or later. Sound ends a little later than the picture.
+constexpr double longest_break_s = 1, longest_overlap_s = 0.2;
 
 bool is_transport_stream(const fs::path& file) {
   std::string ending = file.extension().string();
@@ -81,7 +82,8 @@ std::vector<fs::path> stream_parts(const fs::path& frames) {
   std::optional<TimeSpan> before;
   for (std::size_t i = 0; i < parts.size() && parts.size() > 1; ++i) {
     const auto span = time_span_of(parts[i]);
-    if (span && before && std::abs(span->from_s - before->to_s) > longest_break_s)
+    if (span && before &&
+        (span->from_s > before->to_s + longest_break_s || span->from_s < before->to_s - longest_overlap_s))
       throw files::ConfigError(
           parts[i], 0,
           fmt::format("begins at {:.1f} s by its time stamps, and {} ends at {:.1f} s: these are several "

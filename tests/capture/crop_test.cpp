@@ -140,7 +140,9 @@ TEST(CroppedSource, DeliversAFramePerPartWithTheDevicesStamp) {
     EXPECT_EQ(right->sequence, std::uint32_t(k));
     EXPECT_EQ(left->encoded, nullptr);
     EXPECT_EQ(left->status, k == 0 ? FrameStatus::ok : FrameStatus::corrupted) << k;
-    if (k == 0) EXPECT_EQ(yuv_at(right->pixels, 3, 5).y, yuv_at(whole, 19, 5).y);
+    if (k == 0) {
+      EXPECT_EQ(yuv_at(right->pixels, 3, 5).y, yuv_at(whole, 19, 5).y);
+    }
   }
   EXPECT_FALSE(source.next({}));
 }

@@ -128,10 +128,11 @@ TEST_F(BagRecording, PlaysRos1BagsOfEveryCompression) {
     for (const bool has_index : {true, false}) {
       SCOPED_TRACE(compression + (has_index ? " indexed" : ""));
       const auto bag = write("a.bag", ros1_bag_of(two_cameras({.is_ros1 = true}, ""), compression, has_index));
-      if (has_index)
+      if (has_index) {
         expect_all(bag);
-      else
+      } else {
         EXPECT_EQ(play(bag).shown.at(1).size(), std::size_t{bag_frames});
+      }
     }
 }
 
@@ -356,8 +357,10 @@ TEST_F(BagRecording, PlaysACutOffBagUpToTheCut) {
           EXPECT_EQ(played.at_ns.at(camera)[k], first_ns + std::int64_t(k) * period_ns + camera * 20'000'000);
         }
       most = std::max(most, played.shown.at(1).size());
-      EXPECT_THAT(played.warnings,
-                  Contains(testing::AnyOf(HasSubstr("cut off"), HasSubstr("no index"), HasSubstr("damaged"))));
+      if (played.shown.at(0).size() + played.shown.at(1).size() < 2 * bag_frames) {  // else only its index is cut
+        EXPECT_THAT(played.warnings,
+                    Contains(testing::AnyOf(HasSubstr("cut off"), HasSubstr("no index"), HasSubstr("damaged"))));
+      }
     }
     EXPECT_GE(most, std::size_t{10}) << kind.name;
   }
@@ -373,7 +376,7 @@ TEST_F(BagRecording, GoesOnBehindADamagedChunk) {
   EXPECT_EQ(played.shown.at(0).back(), bag_frames - 1);
   EXPECT_THAT(played.warnings, Contains(HasSubstr("a chunk does not decompress")));
   bytes = mcap_of(two_cameras({}));
-  bytes[bytes.size() / 2] ^= 1;
+  bytes[bytes.size() / 2 - 3000] ^= 1;  // in a picture
   EXPECT_THAT(play(write("b.mcap", bytes)).warnings, Contains(HasSubstr("wrong checksum")));
 }
 

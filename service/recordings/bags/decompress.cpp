@@ -85,7 +85,9 @@ Decompressed decompress(std::string_view method, std::span<const std::uint8_t> b
     return out;
   }
   const Decompressor step = method == "zstd" ? zstd() : method == "lz4" ? lz4() : bz2();
-  std::size_t room = size.value_or(std::min(largest_bytes, std::max<std::size_t>(bytes.size(), 1) * 4));
+  // What a damaged file declares is not allocated at once.
+  const std::size_t most = size.value_or(largest_bytes);
+  std::size_t room = std::min(most, bytes.size() * 4 + (1U << 16));
   out.buffer = make_buffer(room);
   while (true) {
     const Step done = step(bytes, std::span(*out.buffer).subspan(out.size, room - out.size));
@@ -96,8 +98,8 @@ Decompressed decompress(std::string_view method, std::span<const std::uint8_t> b
       break;
     }
     if (done.progress == Progress::complete) break;
-    if (out.size == room && !size && room < largest_bytes) {
-      room = std::min(largest_bytes, 2 * room);
+    if (out.size == room && room < most) {
+      room = std::min(most, 2 * room);
       out.buffer->resize(room + buffer_padding);
     } else if (done.taken == 0 && done.written == 0) {
       out.problem = bytes.empty() ? "is cut off" : "is longer than it declares";
