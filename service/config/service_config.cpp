@@ -22,6 +22,7 @@
 #include "calib/yaml/yaml_reader.h"
 #include "capture/network_source.h"
 #include "config/config_check.h"
+#include "recordings/bags/bag.h"
 #include "recordings/recording.h"
 
 namespace huetrack::config {
@@ -1052,9 +1053,9 @@ CaptureConfig load_capture_config(const fs::path& file) {
 }
 
 ServiceConfig load_service_config(const fs::path& file) {
-  if (recordings::is_video_or_picture(file))
+  if (recordings::is_video_or_picture(file) || bags::is_bag(file))
     throw files::ConfigError(file, 0,
-                             "is a video or a picture, not a configuration with rig and targets "
+                             "is a video, a picture or a bag, not a configuration with rig and targets "
                              "(configs/huetrackd.yaml has every key): huetrackd replay my.yaml left=a.mp4 right=b.mp4");
   const yaml::YamlReader written = yaml::YamlReader::file(file);
   refuse_other_files(written);

@@ -254,7 +254,7 @@ Recording read_recording(std::span<const std::string> words) {
       throw files::ConfigError(
           recording.file, 0,
           "\"" + files::printable(word) +
-              "\" is no CAMERA=FILE: a recording is a recording.yaml, or the folder that holds it, "
+              "\" is no CAMERA=FILE: a recording is a recording.yaml, or the folder that holds it, a ROS bag, "
               "or one CAMERA=FILE per camera: left=a.mp4 right=b.mp4");
     RecordedCamera camera = recorded_camera(word.substr(0, equals), word.substr(equals + 1), recording.file);
     if (std::ranges::find(recording.cameras, camera.name, &RecordedCamera::name) != recording.cameras.end())

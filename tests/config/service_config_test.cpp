@@ -734,7 +734,7 @@ TEST_F(ServiceConfigFile, AVideoIsNoConfiguration) {
     load_service_config(configs / "demo/recording/cam0.mkv");
     FAIL();
   } catch (const files::ConfigError& error) {
-    EXPECT_THAT(error.what(), HasSubstr("cam0.mkv: is a video or a picture, not a configuration"));
+    EXPECT_THAT(error.what(), HasSubstr("cam0.mkv: is a video, a picture or a bag, not a configuration"));
   }
 }
 
