@@ -375,6 +375,11 @@ class Doctor {
                "use one of those below: run refuses to start otherwise"});
         continue;
       }
+      if (camera.crop && taken.contains(node)) {
+        title("camera " + camera.name);
+        say({Grade::note, "shares its device with a camera that is examined", ""});
+        continue;
+      }
       const calib::ImageSize size = size_of(camera);
       requests.push_back(
           {.node = *found,
