@@ -151,6 +151,7 @@ std::pair<std::string, std::optional<capture::Crop>> split_crop(const std::strin
   if (at == std::string::npos || std::filesystem::exists(frames, none)) return {frames, std::nullopt};
   std::vector<double> numbers;
   std::string_view rest = std::string_view(frames).substr(at + 1);
+  if (rest.find_first_not_of("0123456789.,- ") != std::string_view::npos) return {frames, std::nullopt};  // me@home.mp4
   for (auto comma = rest.find(','); !rest.empty(); comma = rest.find(',')) {
     const auto number = files::number_of<double>(std::string(rest.substr(0, comma)));
     if (!number) break;

@@ -77,6 +77,7 @@ TEST_F(CroppedRecording, AWordOfACommandHasACropToo) {
   EXPECT_EQ(recording.cameras[1].crop, (capture::Crop{64, 0, 64, 48}));
   EXPECT_THAT([&] { read_recording(std::vector<std::string>{"left=" + file + "@0,0,64"}); },
               testing::ThrowsMessage<files::ConfigError>(HasSubstr("write @u,v,width,height")));
+  EXPECT_EQ(read_recording(std::vector<std::string>{"left=me@home.mp4"}).cameras[0].frames.filename(), "me@home.mp4");
   // A file may have an @ in its name.
   std::filesystem::copy(file, folder / "b@1,2,3,4");
   EXPECT_FALSE(read_recording(std::vector<std::string>{"left=" + (folder / "b@1,2,3,4").string()}).cameras[0].crop);

@@ -52,6 +52,7 @@ std::vector<CameraTopics> cameras_of(std::span<const BagTopic> topics) {
         {.camera = {}, .picture = topic, .lens = lens != topics.end() && is_lens(*lens) ? lens->name : ""});
     names.push_back(parts_of_topic(path));
     if (names.back().empty()) names.back() = parts_of_topic(topic.name);
+    if (names.back().empty()) names.back() = {"camera"};  // a topic "/", of a damaged file
   }
   const auto are_all = [&](const auto& test) { return names.size() > 1 && std::ranges::all_of(names, test); };
   while (are_all([&](const auto& parts) { return parts.size() > 1 && parts.back() == names.front().back(); }))
