@@ -433,7 +433,7 @@ TEST_F(BagRecording, CallsCamerasByTheirTopics) {
               ElementsAre("left /huetrack/left/image/compressed", "right /huetrack/right/image/compressed"));
   EXPECT_THAT(names_of(folder, {{"/cam0/image_raw", raw}, {"/cam1/image_raw", raw}}),
               ElementsAre("cam0 /cam0/image_raw", "cam1 /cam1/image_raw"));
-  EXPECT_THAT(names_of(folder, {{"/", raw}, {"", raw}}), ElementsAre("camera /"));
+  EXPECT_THAT(names_of(folder, {{"/", raw}, {"", raw}}), ElementsAre("camera /", "camera_2 "));
   EXPECT_THAT(names_of(folder, {{"/image_raw", raw}}), ElementsAre("image_raw /image_raw"));
   EXPECT_THAT(names_of(folder, {{"/left/color/image_raw", raw}, {"/right/color/image_raw", raw}}),
               ElementsAre("left /left/color/image_raw", "right /right/color/image_raw"));

@@ -57,14 +57,17 @@ std::vector<CameraTopics> cameras_of(std::span<const BagTopic> topics) {
   const auto are_all = [&](const auto& test) { return names.size() > 1 && std::ranges::all_of(names, test); };
   while (are_all([&](const auto& parts) { return parts.size() > 1 && parts.back() == names.front().back(); }))
     for (auto& parts : names) parts.pop_back();
-  std::set<std::string> last;
+  std::set<std::string> last, taken;
   for (const auto& parts : names) last.insert(parts.back());
   for (std::size_t i = 0; i < cameras.size(); ++i) {
-    std::string& name = cameras[i].camera;
+    std::string name;
     if (last.size() == names.size())
       name = names[i].back();
     else  // the whole path
       for (const std::string& part : names[i]) name += (name.empty() ? "" : "_") + part;
+    cameras[i].camera = name;
+    for (int number = 2; !taken.insert(cameras[i].camera).second; ++number)  // a_b of /a/b and of /a_b
+      cameras[i].camera = name + "_" + std::to_string(number);
   }
   return cameras;
 }
