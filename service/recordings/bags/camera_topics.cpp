@@ -31,6 +31,13 @@ std::string camera_path(std::string topic) {
   return topic;
 }
 
+// Of several topics of one camera the lowest: as the sensor saw it (a rectified image has another lens), in colour, not
+// compressed.
+int rank_of(std::string_view topic) {
+  const auto has = [&](std::string_view word) { return topic.find(word) != std::string_view::npos ? 1 : 0; };
+  return 4 * has("image_rect") + 2 * has("image_mono") + has("compressed");
+}
+
 }  // namespace
 
 std::vector<CameraTopics> cameras_of(std::span<const BagTopic> topics) {
@@ -44,7 +51,7 @@ std::vector<CameraTopics> cameras_of(std::span<const BagTopic> topics) {
     const std::string path = camera_path(topic.name);
     const auto same = std::ranges::find(cameras, path, [](const auto& c) { return camera_path(c.picture.name); });
     if (same != cameras.end()) {
-      if (same->picture.name.ends_with("/compressed")) same->picture = topic;
+      if (rank_of(topic.name) < rank_of(same->picture.name)) same->picture = topic;
       continue;
     }
     const auto lens = std::ranges::find(topics, path + "/camera_info", &BagTopic::name);
