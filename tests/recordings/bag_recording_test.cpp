@@ -438,10 +438,11 @@ TEST_F(BagRecording, CallsCamerasByTheirTopics) {
   EXPECT_THAT(names_of(folder, {{"/left/color/image_raw", raw}, {"/right/color/image_raw", raw}}),
               ElementsAre("left /left/color/image_raw", "right /right/color/image_raw"));
   // Raw and compressed, rectified: one camera. Depth is none.
-  EXPECT_THAT(
-      names_of(folder,
-               {{"/cam/image_raw/compressed", jpeg}, {"/cam/image_raw", raw}, {"/cam/depth/image_rect_raw", raw}}),
-      ElementsAre("cam /cam/image_raw"));
+  EXPECT_THAT(names_of(folder, {{"/cam/image_rect", raw},
+                                {"/cam/image_raw/compressed", jpeg},
+                                {"/cam/image_raw", raw},
+                                {"/cam/depth/image_rect_raw", raw}}),
+              ElementsAre("cam /cam/image_raw"));
   EXPECT_THAT(names_of(folder, {{"/a/cam/image_raw", raw}, {"/b/cam/x/image_raw", raw}, {"/c/cam/image_raw", raw}}),
               ElementsAre("a_cam /a/cam/image_raw", "b_cam_x /b/cam/x/image_raw", "c_cam /c/cam/image_raw"));
 }

@@ -15,8 +15,8 @@ struct CameraTopics {
   std::string lens;  // topic of its sensor_msgs/CameraInfo; empty: the bag has none
 };
 
-// One camera for every topic of pictures, in the bag's order. Of an image that was recorded both raw and compressed,
-// the raw one. A camera is called by the last part of its topics' common path (/stereo/left/image_raw/compressed:
+// One camera for every topic of pictures, in the bag's order. Of several of one camera: not rectified, in colour,
+// not compressed. A camera is called by the last part of its topics' common path (/stereo/left/image_raw/compressed:
 // left), without a part that all cameras share there (/left/color/image_raw and /right/color/image_raw: left, right).
 std::vector<CameraTopics> cameras_of(std::span<const BagTopic> topics);
 
