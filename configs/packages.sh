@@ -4,7 +4,7 @@
 # huetrackd and huetrack, without the page of `huetrack view`
 packages_demo="g++ cmake ninja-build pkg-config
   libeigen3-dev libyaml-cpp-dev libfmt-dev libspdlog-dev libcli11-dev
-  libsystemd-dev libmicrohttpd-dev nlohmann-json3-dev libsqlite3-dev zlib1g-dev libcairo2-dev fonts-dejavu-core libopencv-dev
+  libsystemd-dev libmicrohttpd-dev nlohmann-json3-dev libsqlite3-dev zlib1g-dev liblz4-dev libzstd-dev libbz2-dev libcairo2-dev fonts-dejavu-core libopencv-dev
   libavformat-dev libavcodec-dev libavutil-dev libswscale-dev libjpeg62-turbo-dev
   libfastrtps-dev libssl-dev fastddsgen default-jre-headless"
 # everything: huetrack-calibrate, too, and the page, which is built with node and npm: whichever are there, else Debian's

@@ -8,6 +8,7 @@
 #include "calib/exchange/exchanged_camera.h"
 #include "calib/files/config_error.h"
 #include "calib/model/nearest_lens.h"
+#include "recordings/bags/bag.h"
 
 namespace huetrack::exchange {
 namespace {
@@ -61,6 +62,7 @@ std::optional<ExchangeFormat> exchange_format_of(std::string_view word) {
 }
 
 ExchangeFormat detect_format(const std::filesystem::path& file) {
+  if (bags::is_bag(file)) return ExchangeFormat::ros;
   const std::string text = text_of(file);
   const std::string extension = file.extension().string();
   if (extension == ".xml" || extension == ".json" || text.starts_with("%YAML:1.0") ||
@@ -94,7 +96,7 @@ Imported import_rig(std::span<const std::filesystem::path> files, const ImportOp
   Imported out;
   switch (format) {
     case ExchangeFormat::ros:
-      out = import_camera_info(file, options);
+      out = bags::is_bag(file) ? import_bag(file, options) : import_camera_info(file, options);
       break;
     case ExchangeFormat::opencv:
       out = import_opencv(files, options);

@@ -20,9 +20,9 @@
 namespace huetrack::exchange {
 
 enum class ExchangeFormat : std::uint8_t {
-  ros,         // camera_info YAML (camera_calibration_parsers): one camera, no pose
-  opencv,      // FileStorage, .yml .xml .json: one camera per file, or a stereo pair (M1 D1 M2 D2 R T)
-  kalibr,      // camchain YAML: pinhole with radtan, equidistant or none; relative poses, timing
+  ros,     // camera_info YAML (camera_calibration_parsers): one camera, no pose; or a bag: CameraInfo and /tf_static
+  opencv,  // FileStorage, .yml .xml .json: one camera per file, or a stereo pair (M1 D1 M2 D2 R T)
+  kalibr,  // camchain YAML: pinhole with radtan, equidistant or none; relative poses, timing
   aniposelib,  // TOML: [cam_0] name, matrix, distortions, rotation vector, translation
   caliscope,   // TOML: [cameras.0]; older config.toml: [cam_0]
 };

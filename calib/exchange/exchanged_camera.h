@@ -45,6 +45,7 @@ void require_valid(const calib::CameraRig& rig, const std::filesystem::path& fil
 
 // One function per format and direction.
 Imported import_camera_info(const std::filesystem::path& file, const ImportOptions& options);
+Imported import_bag(const std::filesystem::path& bag, const ImportOptions& options);
 Imported import_opencv(std::span<const std::filesystem::path> files, const ImportOptions& options);
 Imported import_kalibr(const std::filesystem::path& file, const ImportOptions& options);
 Imported import_aniposelib(const std::filesystem::path& file, const ImportOptions& options);

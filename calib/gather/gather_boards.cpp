@@ -8,13 +8,14 @@
 namespace huetrack::gather {
 namespace {
 
-std::vector<LiveCameraSource> opened(std::vector<capture::V4l2SourceOptions> cameras, LiveBoardsOptions& options) {
+std::vector<LiveCameraSource> opened(const std::vector<capture::CameraRequest>& cameras, LiveBoardsOptions& options) {
   std::vector<LiveCameraSource> sources;
   std::vector<capture::Duration> periods;
-  for (capture::V4l2SourceOptions& camera : cameras) {
-    LiveCameraSource source;
-    source.name = camera.name;
-    auto live = std::make_unique<capture::V4l2Source>(std::move(camera));
+  for (const capture::CameraRequest& camera : cameras)
+    sources.push_back({.name = camera.name, .source = {}, .take_trouble = {}});
+  for (const auto& [device, parts] : capture::by_device(cameras)) {
+    LiveCameraSource& source = sources[static_cast<std::size_t>(device.camera)];
+    auto live = std::make_unique<capture::V4l2Source>(device);
     if (const auto stream = live->health().stream; stream && stream->fps > 0)
       periods.push_back(capture::duration_of(1 / stream->fps));
     source.take_trouble = [camera = live.get()] {
@@ -24,8 +25,10 @@ std::vector<LiveCameraSource> opened(std::vector<capture::V4l2SourceOptions> cam
       }
       return lines;
     };
-    source.source = std::move(live);
-    sources.push_back(std::move(source));
+    if (parts.empty())
+      source.source = std::move(live);
+    else
+      source.source = std::make_unique<capture::CroppedSource>(std::move(live), parts);
   }
   options.tolerance = capture::suggested_tolerance(periods);
   return sources;
@@ -37,7 +40,7 @@ FoundBoards gather_boards(const std::vector<std::string>& inputs, const board::B
                           const GatherOptions& options, std::stop_token stop) {
   const board::BoardDetector detector(board);
   const auto& only = options.pictures.only;
-  std::vector<capture::V4l2SourceOptions> devices;
+  std::vector<capture::CameraRequest> devices;
   if (!options.live.file.empty()) {
     devices = live_cameras_in(options.live.file, options.live.settings);
   } else if (are_devices(inputs)) {
@@ -53,7 +56,7 @@ FoundBoards gather_boards(const std::vector<std::string>& inputs, const board::B
     return find_boards(*source, detector, find, std::move(stop));
   }
   for (const std::string& name : only) {
-    if (std::ranges::find(devices, name, &capture::V4l2SourceOptions::name) == devices.end())
+    if (std::ranges::find(devices, name, &capture::CameraRequest::name) == devices.end())
       throw InputError("there is no live camera " + name + " among those given");
   }
   if (!only.empty())
@@ -63,7 +66,7 @@ FoundBoards gather_boards(const std::vector<std::string>& inputs, const board::B
   live.seconds = options.live.seconds;
   live.page = options.live.page;
   live.progress = options.find.progress;
-  auto sources = opened(std::move(devices), live);
+  auto sources = opened(devices, live);
   if (options.pictures.tolerance_s) live.tolerance = capture::duration_of(*options.pictures.tolerance_s);
   return gather_live(std::move(sources), detector, live, std::move(stop));
 }

@@ -61,8 +61,8 @@ bool is_image_file(const fs::path& file) {
 }
 
 bool is_video_file(const fs::path& file) {
-  static constexpr std::array extensions{".mkv", ".mp4",  ".avi", ".mov",  ".webm",
-                                         ".mpg", ".mpeg", ".m4v", ".mjpg", ".mjpeg"};
+  static constexpr std::array extensions{".mkv", ".mp4",  ".avi",   ".mov", ".webm", ".mpg", ".mpeg",
+                                         ".m4v", ".mjpg", ".mjpeg", ".mts", ".m2ts", ".ts"};
   return std::ranges::find(extensions, lower_extension(file)) != extensions.end();
 }
 

@@ -29,13 +29,12 @@ class NewestSet {
   };
   NewestSet(std::vector<LiveCameraSource>& cameras, capture::Duration tolerance)
       : synchronizer_({.camera_count = static_cast<int>(cameras.size()), .tolerance = tolerance}),
-        open_(cameras.size()) {
-    for (std::size_t c = 0; c < cameras.size(); ++c) {
-      threads_.emplace_back([this, c, source = cameras[c].source.get()](const std::stop_token& stop) {
-        while (auto frame = source->next(stop)) {
-          frame->camera = static_cast<int>(c);
-          push(std::move(*frame));
-        }
+        open_(static_cast<std::size_t>(
+            std::ranges::count_if(cameras, [](const auto& camera) { return camera.source != nullptr; }))) {
+    for (const LiveCameraSource& camera : cameras) {
+      if (!camera.source) continue;
+      threads_.emplace_back([this, source = camera.source.get()](const std::stop_token& stop) {
+        while (auto frame = source->next(stop)) push(std::move(*frame));
         const std::scoped_lock lock(mutex_);
         if (--open_ == 0) {
           while (auto set = synchronizer_.flush()) take_in(std::move(*set));

@@ -26,7 +26,9 @@ struct LiveBoardsOptions {
 
 struct LiveCameraSource {
   std::string name;
-  std::unique_ptr<capture::FrameSource> source;            // read by its own thread
+  // Read by its own thread; Frame::camera is the camera's index. nullptr: another camera's source delivers its frames,
+  // too
+  std::unique_ptr<capture::FrameSource> source;
   std::function<std::vector<std::string>()> take_trouble;  // messages for the user; may be empty; thread-safe
 };
 

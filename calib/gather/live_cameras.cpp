@@ -1,10 +1,12 @@
 #include "calib/gather/live_cameras.h"
 
 #include <algorithm>
+#include <tuple>
 
 #include "calib/gather/picture_source.h"
 #include "calib/yaml/yaml_reader.h"
 #include "capture/v4l2/v4l2_device.h"
+#include "recordings/recording.h"
 
 namespace huetrack::gather {
 namespace {
@@ -24,7 +26,7 @@ calib::ImageSize usual_size(const std::filesystem::path& device) {
   return best;
 }
 
-void finish(capture::V4l2SourceOptions& options, int number, const LiveSettings& settings) {
+void finish(capture::CameraRequest& options, int number, const LiveSettings& settings) {
   options.camera = number;
   if (settings.size) {
     options.width = settings.size->width;
@@ -54,32 +56,33 @@ bool are_devices(std::span<const std::string> inputs) {
   });
 }
 
-std::vector<capture::V4l2SourceOptions> live_cameras(std::span<const std::string> devices,
-                                                     const LiveSettings& settings) {
-  std::vector<capture::V4l2SourceOptions> cameras;
+std::vector<capture::CameraRequest> live_cameras(std::span<const std::string> devices, const LiveSettings& settings) {
+  std::vector<capture::CameraRequest> cameras;
   for (const std::string& input : devices) {
     const auto at = input.find('=');
     if (at == std::string::npos || at == 0) throw InputError(input + ": which camera is this? Give NAME=" + input);
-    capture::V4l2SourceOptions options;
+    capture::CameraRequest options;
     options.name = input.substr(0, at);
-    options.device = input.substr(at + 1);
-    for (const capture::V4l2SourceOptions& other : cameras) {
+    std::tie(options.device, options.crop) = recordings::split_crop(input.substr(at + 1), {});
+    for (const capture::CameraRequest& other : cameras) {
       if (other.name == options.name) throw InputError("camera " + options.name + " is given twice");
-      if (other.device == options.device)
-        throw InputError(options.device.string() + " is given for both " + other.name + " and " + options.name);
+      if (other.device == options.device && !(options.crop && other.crop))
+        throw InputError(options.device.string() + " is given for both " + other.name + " and " + options.name +
+                         ": a device that is two cameras needs the part of each, " + options.name + "=" +
+                         options.device.string() + "@u,v,width,height");
     }
     finish(options, static_cast<int>(cameras.size()), settings);
     cameras.push_back(std::move(options));
+    if (const auto problem = capture::problem_of(cameras); !problem.empty()) throw InputError(problem);
   }
   return cameras;
 }
 
-std::vector<capture::V4l2SourceOptions> live_cameras_in(const std::filesystem::path& file,
-                                                        const LiveSettings& settings) {
+std::vector<capture::CameraRequest> live_cameras_in(const std::filesystem::path& file, const LiveSettings& settings) {
   const yaml::YamlReader root = yaml::YamlReader::file(file);
-  std::vector<capture::V4l2SourceOptions> cameras;
+  std::vector<capture::CameraRequest> cameras;
   for (const auto& [name, yaml] : root.named_maps("cameras")) {
-    capture::V4l2SourceOptions options;
+    capture::CameraRequest options;
     options.name = name;
     const std::string device = yaml.string("device");
     const bool is_index = device.size() < 4 && std::ranges::all_of(device, [](char c) { return c >= '0' && c <= '9'; });
@@ -91,6 +94,7 @@ std::vector<capture::V4l2SourceOptions> live_cameras_in(const std::filesystem::p
       options.width = static_cast<int>(sides[0]);
       options.height = static_cast<int>(sides[1]);
     }
+    if (yaml.is_list("crop") || yaml.string("crop", "none") != "none") options.crop = recordings::crop_in(yaml, "crop");
     if (yaml.has("fps") && yaml.string("fps") != "auto") options.fps = yaml.number("fps", yaml::positive);
     options.controls = controls_of(yaml);
     options.timing.latency = capture::duration_of(yaml.number("latency_offset_s", yaml::Range{.min = -1, .max = 1}, 0));
@@ -98,6 +102,7 @@ std::vector<capture::V4l2SourceOptions> live_cameras_in(const std::filesystem::p
     yaml.finish();
     finish(options, static_cast<int>(cameras.size()), settings);
     cameras.push_back(std::move(options));
+    if (const auto problem = capture::problem_of(cameras); !problem.empty()) yaml.fail("crop", problem);
   }
   if (cameras.empty()) root.fail("cameras", "names no camera");
   return cameras;

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "calib/model/camera_rig.h"
-#include "capture/v4l2_source.h"
+#include "capture/cropped_source.h"
 
 namespace huetrack::gather {
 
@@ -20,13 +20,12 @@ struct LiveSettings {
 // Whether all inputs are NAME=/dev/... .
 bool are_devices(std::span<const std::string> inputs);
 
-// NAME=/dev/... per camera. throws InputError
-std::vector<capture::V4l2SourceOptions> live_cameras(std::span<const std::string> devices,
-                                                     const LiveSettings& settings);
+// NAME=/dev/... per camera; or NAME=/dev/...@u,v,width,height for its part of the device's picture (crop). throws
+// InputError
+std::vector<capture::CameraRequest> live_cameras(std::span<const std::string> devices, const LiveSettings& settings);
 
-// The map `cameras` of a YAML file: device, format, size, fps, controls, latency_offset_s, restore_controls, as in
-// configs/huetrackd.yaml; the rest of the file is ignored. throws files::ConfigError
-std::vector<capture::V4l2SourceOptions> live_cameras_in(const std::filesystem::path& file,
-                                                        const LiveSettings& settings);
+// The map `cameras` of a YAML file: device, format, size, crop, fps, controls, latency_offset_s, restore_controls, as
+// in configs/huetrackd.yaml; the rest of the file is ignored. throws files::ConfigError
+std::vector<capture::CameraRequest> live_cameras_in(const std::filesystem::path& file, const LiveSettings& settings);
 
 }  // namespace huetrack::gather

@@ -12,9 +12,11 @@
 #include "calib/files/config_error.h"
 #include "calib/files/text_file.h"
 #include "calib/gather/image_files.h"
+#include "capture/frames/crop.h"
 #include "capture/frames/jpeg_decoder.h"
 #include "capture/frames/picture_layout.h"
 #include "capture/timing/frame_synchronizer.h"
+#include "recordings/bags/bag.h"
 #include "recordings/recording.h"
 #include "recordings/replay_source.h"
 
@@ -52,10 +54,19 @@ cv::Mat read_grey(const fs::path& file, bool& is_turned) {
   return grey;
 }
 
+cv::Mat cropped(const cv::Mat& grey, const std::optional<capture::Crop>& crop, const fs::path& file) {
+  if (!crop) return grey;
+  const auto problem = capture::problem_of(*crop, capture::PixelFormat::grey, grey.cols, grey.rows);
+  if (!problem.empty()) throw files::ConfigError(file, 0, problem);
+  return grey(cv::Rect(crop->u, crop->v, crop->width, crop->height));
+}
+
 class ImageFilePictures final : public PictureSource {
  public:
-  ImageFilePictures(std::vector<std::string> cameras, const std::vector<std::vector<fs::path>>& files)
-      : cameras_(std::move(cameras)), sets_(paired_images(cameras_, files)) {}
+  // crops: per camera
+  ImageFilePictures(std::vector<std::string> cameras, const std::vector<std::vector<fs::path>>& files,
+                    std::vector<std::optional<capture::Crop>> crops)
+      : cameras_(std::move(cameras)), crops_(std::move(crops)), sets_(paired_images(cameras_, files)) {}
 
   const std::vector<std::string>& cameras() const override { return cameras_; }
   std::optional<int> expected_sets() const override { return static_cast<int>(sets_.size()); }
@@ -67,12 +78,13 @@ class ImageFilePictures final : public PictureSource {
     PictureSet set;
     set.number = static_cast<int>(at_);
     set.at_s = static_cast<double>(at_);
-    for (const auto& file : sets_[at_].files) {
+    for (std::size_t c = 0; c < cameras_.size(); ++c) {
+      const auto& file = sets_[at_].files[c];
       set.pictures.emplace_back();
       if (!file) continue;
       try {
         bool is_turned = false;
-        set.pictures.back() = {read_grey(*file, is_turned), file->filename().string(), {}};
+        set.pictures.back() = {cropped(read_grey(*file, is_turned), crops_[c], *file), file->filename().string(), {}};
         if (is_turned && !std::exchange(has_noted_turn_, true))
           warnings_.push_back(
               file->string() +
@@ -87,6 +99,7 @@ class ImageFilePictures final : public PictureSource {
 
  private:
   std::vector<std::string> cameras_;
+  std::vector<std::optional<capture::Crop>> crops_;
   std::vector<ImageSet> sets_;
   std::size_t at_ = 0;
   std::vector<std::string> warnings_;
@@ -180,12 +193,25 @@ std::unique_ptr<PictureSource> open_recording(const fs::path& path, const Pictur
   return std::make_unique<RecordedPictures>(recording, names, options.tolerance_s);
 }
 
+// For a message, of a folder in which nothing can be read: what is there instead, such as HEIC; may be empty.
+std::string unreadable_pictures(const fs::path& folder) {
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(folder, error))
+    if (const auto advice = recordings::advice_to_convert(entry.path()); !advice.empty())
+      return "; " + entry.path().filename().string() + " " + advice;
+  return {};
+}
+
 // NAME=FRAMES, in the given order.
 using NamedInputs = std::vector<std::pair<std::string, std::vector<std::string>>>;
 
 std::unique_ptr<PictureSource> open_named(const NamedInputs& inputs, const PictureOptions& options) {
   std::vector<std::string> names;
-  std::vector<std::vector<fs::path>> images;
+  struct Images {
+    std::vector<fs::path> files;
+    std::optional<capture::Crop> crop;
+  };
+  std::vector<Images> images;
   recordings::Recording recording;
   for (const auto& [name, given] : inputs) {
     if (!options.only.empty() && std::ranges::find(options.only, name) == options.only.end()) continue;
@@ -193,18 +219,20 @@ std::unique_ptr<PictureSource> open_named(const NamedInputs& inputs, const Pictu
     images.emplace_back();
     for (const std::string& frames : given) {
       std::error_code error;
-      const auto files = image_files(frames);
+      const auto [path, crop] = recordings::split_crop(frames, {});
+      const auto files = image_files(path);
       if (!files.empty()) {
-        std::ranges::copy(files, std::back_inserter(images.back()));
-      } else if (fs::is_regular_file(frames, error)) {
+        if (!images.back().files.empty() && images.back().crop != crop)
+          throw InputError(frames + ": the crop of camera " + name + " is not that of its other images");
+        std::ranges::copy(files, std::back_inserter(images.back().files));
+        images.back().crop = crop;
+      } else if (fs::is_regular_file(path, error) || recordings::is_split_film(path) || bags::is_bag(path) ||
+                 path.find(":/") != std::string::npos) {
         if (given.size() > 1) throw InputError(frames + ": give one video per camera, or only images");
-        recordings::RecordedCamera camera;
-        camera.name = name;
-        camera.frames = fs::absolute(frames);
-        recording.file = camera.frames;
-        recording.cameras.push_back(std::move(camera));
-      } else if (fs::is_directory(frames, error)) {
-        throw InputError(frames + ": holds no images");
+        recording.file = path;
+        recording.cameras.push_back(recordings::recorded_camera(name, frames, path));
+      } else if (fs::is_directory(path, error)) {
+        throw InputError(frames + ": holds no images" + unreadable_pictures(path));
       } else {
         throw InputError(frames + ": no such file or folder, and no image matches this pattern");
       }
@@ -215,13 +243,21 @@ std::unique_ptr<PictureSource> open_named(const NamedInputs& inputs, const Pictu
       throw InputError("there is no input for camera " + name + ": give " + name + "=FRAMES");
   }
   if (!options.only.empty()) {  // in this order
-    std::vector<std::vector<fs::path>> sorted;
+    std::vector<Images> sorted;
     for (const std::string& name : options.only)
       sorted.push_back(images[static_cast<std::size_t>(std::ranges::find(names, name) - names.begin())]);
     names = options.only;
     images = std::move(sorted);
   }
-  if (recording.cameras.empty()) return std::make_unique<ImageFilePictures>(names, images);
+  if (recording.cameras.empty()) {
+    std::vector<std::vector<fs::path>> files;
+    std::vector<std::optional<capture::Crop>> crops;
+    for (Images& own : images) {
+      files.push_back(std::move(own.files));
+      crops.push_back(own.crop);
+    }
+    return std::make_unique<ImageFilePictures>(names, files, std::move(crops));
+  }
   if (recording.cameras.size() != names.size())
     throw InputError("some cameras have a video and others images: give all of one kind, or a recording.yaml");
   return std::make_unique<RecordedPictures>(recording, names, options.tolerance_s);
@@ -233,6 +269,7 @@ NamedInputs inside(const fs::path& folder) {
   for (const auto& entry : fs::directory_iterator(folder)) {
     if (entry.is_directory() && !image_files(entry.path()).empty())
       folders[entry.path().filename().string()] = entry.path().string();
+    if (recordings::is_split_film(entry.path())) videos[entry.path().filename().string()] = entry.path().string();
     if (entry.is_regular_file() && is_video_file(entry.path()))
       videos[entry.path().stem().string()] = entry.path().string();
   }
@@ -254,6 +291,7 @@ std::string folders_without_pictures(const fs::path& folder) {
 
 bool is_recording(const fs::path& path) {
   std::error_code error;
+  if (bags::is_bag(path)) return true;
   return fs::exists(path / "recording.yaml", error) || path.extension() == ".yaml" || path.extension() == ".yml";
 }
 

@@ -50,10 +50,10 @@ struct PictureOptions {
 };
 
 // inputs: all of one kind:
-// - one recording: its folder or recording.yaml;
+// - one recording: its folder or recording.yaml, or a ROS bag;
 // - one folder with a sub-folder of images, or a video, per camera;
-// - NAME=FRAMES per camera; FRAMES: a video, a folder of images, a pattern (*.jpg, %06d.png), an image. A name may
-// occur
+// - NAME=FRAMES per camera; FRAMES: a video, a folder of images, a pattern (*.jpg, %06d.png), an image, BAG:/topic;
+// each also with @u,v,width,height for a part of every picture. A name may occur
 //   repeatedly. Images of several cameras with the same last number in their names form a set.
 // throws InputError, files::ConfigError
 std::unique_ptr<PictureSource> open_pictures(std::span<const std::string> inputs, const PictureOptions& options);

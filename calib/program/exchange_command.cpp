@@ -95,7 +95,8 @@ ExitStatus export_files(const ExportCommand& command) {
 void add_exchange_commands(CLI::App& app, Command& chosen) {
   const auto in = std::make_shared<ImportCommand>();
   CLI::App* import_command = app.add_subcommand("import", "convert another tool's calibration to a rig file");
-  import_command->add_option("files", in->files, "the other tool's file (opencv: one or more)")->required();
+  import_command->add_option("files", in->files, "the other tool's file (opencv: one or more), or a ROS bag")
+      ->required();
   import_command->add_option("--from", in->from, "the tool; default: detected")->check(CLI::IsMember(formats));
   import_command->add_option("--rig", in->rig, "the rig file to write")->required();
   import_command->add_option("--size", in->size, "WIDTHxHEIGHT of the images, for files without it");

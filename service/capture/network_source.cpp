@@ -1,5 +1,9 @@
 #include "capture/network_source.h"
 
+extern "C" {
+#include <libavutil/opt.h>
+}
+
 #include <algorithm>
 #include <array>
 #include <map>
@@ -13,6 +17,7 @@
 #include "capture/ffmpeg/ffmpeg_objects.h"
 #include "capture/ffmpeg/ffmpeg_picture.h"
 #include "capture/ffmpeg/stream_decoder.h"
+#include "capture/frames/jpeg_splitter.h"
 #include "capture/jpeg/jpeg_reader.h"
 #include "capture/timing/camera_clock.h"
 #include "capture/timing/capture_clock.h"
@@ -94,7 +99,11 @@ struct NetworkSource::Impl {
     deadline = Clock::now() + options.patience;
     bytes_before = bytes_read();
   }
-  std::int64_t bytes_read() const { return asking != nullptr && asking->pb != nullptr ? asking->pb->bytes_read : 0; }
+  std::int64_t bytes_read() const {
+    if (jpegs) return jpegs->bytes_read;
+    return asking != nullptr && asking->pb != nullptr ? asking->pb->bytes_read : 0;
+  }
+  bool is_open() const { return format || jpegs; }
   bool sends_too_much() const { return bytes_read() - bytes_before > most_without_picture; }
   // Why is_over() ended FFmpeg's wait.
   std::string reason_for_end(const char* otherwise) const {
@@ -116,6 +125,24 @@ struct NetworkSource::Impl {
     wait_from_now();
     AVDictionary* dictionary = nullptr;
     av_dict_set(&dictionary, "protocol_whitelist", protocols, 0);
+    if (scheme_of(options.address).starts_with("http")) {
+      AVIOContext* io = nullptr;
+      const AVIOInterruptCB interrupt{&Impl::is_over, this};
+      const int error = avio_open2(&io, options.address.c_str(), AVIO_FLAG_READ, &interrupt, &dictionary);
+      if (error >= 0 && sends_jpegs(*io)) {
+        av_dict_free(&dictionary);
+        jpegs.reset(io);
+        wait_from_now();
+        const int e = decoder.open(nullptr, *avcodec_find_decoder(AV_CODEC_ID_MJPEG), {.is_live = true});
+        return e < 0 ? error_text(e) : std::string();
+      }
+      avio_closep(&io);
+      if (error < 0) {
+        av_dict_free(&dictionary);
+        return opening_problem(error);
+      }
+      av_dict_set(&dictionary, "protocol_whitelist", protocols, 0);  // avio_open2() took it
+    }
     av_dict_set(&dictionary, "rtsp_transport", "tcp", 0);  // late rather than torn
     av_dict_set(&dictionary, "fflags", "nobuffer", 0);
     av_dict_set_int(&dictionary, "analyzeduration", 1'000'000, 0);  // microseconds
@@ -124,7 +151,7 @@ struct NetworkSource::Impl {
     opened->interrupt_callback = {&Impl::is_over, this};
     const int error = avformat_open_input(&opened, options.address.c_str(), nullptr, &dictionary);
     av_dict_free(&dictionary);
-    if (error < 0) return error == AVERROR_EXIT ? "it does not answer" : error_text(error);
+    if (error < 0) return opening_problem(error);
     format.reset(opened);
     asking = opened;
     const int found = avformat_find_stream_info(format.get(), nullptr);
@@ -133,15 +160,31 @@ struct NetworkSource::Impl {
     if (best < 0 || codec == nullptr)
       return found == AVERROR_EXIT || sends_too_much() ? reason_for_end("no picture comes") : "it has no video stream";
     stream = format->streams[best];
-    if (const int e = decoder.open(*stream, *codec, {.is_live = true}); e < 0) return error_text(e);
+    if (const int e = decoder.open(stream, *codec, {.is_live = true}); e < 0) return error_text(e);
     pictures.set_stream(*stream);
     arrivals.clear();
     damaged = 0;
     return {};
   }
 
+  static std::string opening_problem(int error) {
+    return error == AVERROR_EXIT ? "it does not answer" : error_text(error);
+  }
+
+  // Motion JPEG by the answer's type. FFmpeg's reader of it needs a first boundary, and boundaries that begin with --.
+  static bool sends_jpegs(AVIOContext& io) {
+    std::uint8_t* type = nullptr;
+    if (av_opt_get(&io, "mime_type", AV_OPT_SEARCH_CHILDREN, &type) < 0) return false;
+    const std::string_view mime = type != nullptr ? reinterpret_cast<const char*>(type) : "";
+    const bool is_jpeg = mime.starts_with("multipart/") || mime.starts_with("image/jp") || mime.ends_with("jpeg");
+    av_free(type);
+    return is_jpeg;
+  }
+
   void close() {
     asking = nullptr;
+    jpegs.reset();
+    splitter = {};
     decoder.close();
     format.reset();
     stream = nullptr;
@@ -168,17 +211,44 @@ struct NetworkSource::Impl {
     std::shared_ptr<const std::vector<std::uint8_t>> encoded;
   };
 
+  void lose(int error) {
+    lose(error == AVERROR_EOF    ? "the stream has ended"
+         : error == AVERROR_EXIT ? reason_for_end("no picture comes")
+                                 : error_text(error));
+  }
+
+  std::optional<Arrived> read_jpeg() {
+    auto bytes = splitter.next();
+    if (!bytes) {
+      std::array<std::uint8_t, 1 << 15> some{};
+      const int count = avio_read_partial(jpegs.get(), some.data(), static_cast<int>(some.size()));
+      if (count <= 0) {
+        if (!stop.stop_requested() && count != AVERROR(EAGAIN)) lose(count == 0 ? AVERROR_EOF : count);
+        return std::nullopt;
+      }
+      splitter.add(std::span(some).first(static_cast<std::size_t>(count)));
+      bytes = splitter.next();
+    }
+    if (!bytes) return std::nullopt;
+    const Timestamp at = unix_now();
+    wait_from_now();
+    if (av_new_packet(packet.get(), static_cast<int>(bytes->size())) < 0) return std::nullopt;
+    std::ranges::copy(*bytes, packet->data);
+    auto arrived = decode(at);
+    av_packet_unref(packet.get());
+    return arrived;
+  }
+
   // nullopt: none yet, or the stream is lost (then it is closed).
   std::optional<Arrived> read() {
     if (Clock::now() > deadline || sends_too_much()) {  // other data, such as audio, may go on coming
       lose(reason_for_end("no picture comes"));
       return std::nullopt;
     }
+    if (jpegs) return read_jpeg();
     if (const int error = av_read_frame(format.get(), packet.get()); error < 0) {
       if (stop.stop_requested() || error == AVERROR(EAGAIN)) return std::nullopt;
-      lose(error == AVERROR_EOF    ? "the stream has ended"
-           : error == AVERROR_EXIT ? reason_for_end("no picture comes")
-                                   : error_text(error));
+      lose(error);
       return std::nullopt;
     }
     const Timestamp at = unix_now();
@@ -223,7 +293,7 @@ struct NetworkSource::Impl {
   std::optional<Frame> next() {
     wait_from_now();  // the caller may have paused
     while (!stop.stop_requested()) {
-      if (!format) {
+      if (!is_open()) {
         if (const std::string problem = open(); !problem.empty()) {
           if (stop.stop_requested()) break;
           lose(problem);
@@ -241,7 +311,7 @@ struct NetworkSource::Impl {
         arrived.reset();
       }
       if (arrived) return frame_of(std::move(*arrived));
-      if (!format) pause();
+      if (!is_open()) pause();
     }
     close();
     return std::nullopt;
@@ -287,6 +357,8 @@ struct NetworkSource::Impl {
   std::stop_token stop;  // this and all members up to `mutex` belong to the thread that calls next()
   Clock::time_point deadline{};
   InputPtr format;
+  IoPtr jpegs;  // instead of format: motion JPEG over HTTP
+  JpegSplitter splitter;
   const AVFormatContext* asking = nullptr;  // format, once it is open
   std::int64_t bytes_before = 0;            // read when the wait for a picture began
   StreamDecoder decoder;

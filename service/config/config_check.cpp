@@ -83,13 +83,44 @@ void check_ignored(const ServiceConfig& config, const yaml::YamlReader& root) {
     if (!config.rig.index_of(camera)) root.map("ignore").fail(camera, not_in_the_rig(camera, config.rig));
 }
 
+void check_crop(const LiveCameraConfig& camera, calib::ImageSize calibrated, const yaml::YamlReader& at) {
+  if (!camera.crop) return;
+  if (!camera.host.empty() || capture::is_network_address(camera.device.native()))
+    at.fail("crop", "is for a camera that is connected to this host");
+  if (!camera.size) at.fail("crop", "needs size: that of the device's whole picture, as [1280, 480]");
+  if (camera.crop->width != calibrated.width || camera.crop->height != calibrated.height)
+    at.fail("crop", fmt::format("is {}x{}, and the rig was calibrated at {}x{}: calibrate with this crop",
+                                camera.crop->width, camera.crop->height, calibrated.width, calibrated.height));
+}
+
+// What cameras that share a device must have in common.
+void check_devices(const ServiceConfig& config, const yaml::YamlReader& live) {
+  std::vector<capture::CameraRequest> requests;
+  for (const auto& camera : config.cameras) {
+    if (!camera.crop) continue;
+    capture::CameraRequest& request = requests.emplace_back();
+    request.name = camera.name;
+    request.device = camera.device;
+    request.format = camera.format;
+    request.width = camera.size->width;
+    request.height = camera.size->height;
+    request.fps = camera.fps.value_or(0);
+    request.controls = camera.controls;
+    request.restore_controls = camera.restore_controls;
+    request.crop = camera.crop;
+    if (const auto problem = capture::problem_of(requests); !problem.empty())
+      live.map(camera.name).fail("crop", problem);
+  }
+}
+
 void check_live_cameras(const ServiceConfig& config, const yaml::YamlReader& root) {
   const yaml::YamlReader live = config.cameras.empty() ? root : root.map("cameras");
   for (const auto& camera : config.cameras) {
     const auto index = config.rig.index_of(camera.name);
     if (!index) live.fail(camera.name, not_in_the_rig(camera.name, config.rig));
     const calib::ImageSize calibrated = config.rig.cameras[std::size_t(*index)].image_size;
-    if (camera.size && *camera.size != calibrated)
+    check_crop(camera, calibrated, live.map(camera.name));
+    if (camera.size && !camera.crop && *camera.size != calibrated)
       live.map(camera.name)
           .fail("size",
                 fmt::format("the rig was calibrated at {}x{}: use that size (or the word rig), or calibrate anew",
@@ -97,8 +128,10 @@ void check_live_cameras(const ServiceConfig& config, const yaml::YamlReader& roo
     for (const auto& other : config.cameras) {
       if (&other == &camera) break;
       if (other.host != camera.host) continue;
-      if (camera.host.empty() && other.device == camera.device)
-        live.map(camera.name).fail("device", "is the device of " + other.name + " already");
+      if (camera.host.empty() && other.device == camera.device && !(camera.crop && other.crop))
+        live.map(camera.name)
+            .fail("device", "is the device of " + other.name +
+                                " already: cameras that share one need a crop each, their part of its picture");
       if (!camera.host.empty() && other.name_on_host() == camera.name_on_host())
         live.map(camera.name).fail("camera", "is the camera of " + other.name + " already");
     }
@@ -127,6 +160,7 @@ void check_live_cameras(const ServiceConfig& config, const yaml::YamlReader& roo
   }
   if (config.quorum && *config.quorum > int(config.cameras.size()))
     root.fail("quorum", fmt::format("is more than there are in cameras ({})", config.cameras.size()));
+  check_devices(config, live);
 }
 
 void check_targets(const ServiceConfig& config, const yaml::YamlReader& root) {

@@ -22,6 +22,7 @@
 #include "calib/yaml/yaml_reader.h"
 #include "capture/network_source.h"
 #include "config/config_check.h"
+#include "recordings/bags/bag.h"
 #include "recordings/recording.h"
 
 namespace huetrack::config {
@@ -172,6 +173,9 @@ void describe_device(Io& io, Camera& camera) {
   io.choice_or("format", "auto", camera.format, Words<capture::CaptureFormat>(format_words),
                "auto, yuyv, nv12, mjpeg or grey; auto: the first of these with this size and fps, else the fastest");
   io.size_or("size", "rig", camera.size, "[width, height]; rig: that of the calibration");
+  io.crop_or(
+      "crop", "none", camera.crop,
+      "[u, v, width, height]; the camera is this part of the device's picture, which others may share; none: all");
   io.number_or("fps", "auto", camera.fps, yaml::Range{.min = 0, .max = 10000, .min_is_open = true},
                "frames per second; auto: the driver's choice");
   io.controls("controls", camera.controls, "by their V4L2 names; automatic controls are set first");
@@ -362,6 +366,10 @@ class Printer {
   void size_or(std::string_view key, std::string_view word, const std::optional<calib::ImageSize>& size,
                std::string_view doc) {
     line(key, size ? list_of({std::to_string(size->width), std::to_string(size->height)}) : std::string(word), doc);
+  }
+  void crop_or(std::string_view key, std::string_view word, const std::optional<capture::Crop>& crop,
+               std::string_view doc) {
+    line(key, crop ? text_of(*crop) : std::string(word), doc);
   }
   void controls(std::string_view key, const std::vector<capture::ControlSetting>& settings, std::string_view doc) {
     mapping(key, doc, [&](Printer& inner) {
@@ -626,6 +634,10 @@ class Reader {
       if (side != std::floor(side)) yaml_.fail(key, "must be whole numbers of pixels, as [640, 480]");
     value = calib::ImageSize{static_cast<int>(sides[0]), static_cast<int>(sides[1])};
   }
+  void crop_or(std::string_view key, std::string_view word, std::optional<capture::Crop>& value, std::string_view) {
+    if (!yaml_.has(key) || (!yaml_.is_list(key) && yaml_.string(key) == word)) return;
+    value = recordings::crop_in(yaml_, key);
+  }
   void controls(std::string_view key, std::vector<capture::ControlSetting>& settings, std::string_view) {
     // Common names of V4L2 controls.
     static constexpr std::pair<std::string_view, std::string_view> misplaced[] = {
@@ -866,7 +878,7 @@ calib::CameraRig rig_before_calibration(const std::vector<LiveCameraConfig>& cam
   for (const LiveCameraConfig& live : cameras) {
     calib::Camera& camera = rig.cameras.emplace_back();
     camera.name = live.name;
-    camera.image_size = live.size.value_or(usual);
+    camera.image_size = live.crop ? calib::ImageSize{live.crop->width, live.crop->height} : live.size.value_or(usual);
     const double width = camera.image_size.width, height = camera.image_size.height;
     camera.model = calib::CameraModel(calib::PinholeRadtan{width, width, (width - 1) / 2, (height - 1) / 2});
   }
@@ -1026,6 +1038,9 @@ CaptureConfig load_capture_config(const fs::path& file) {
     const yaml::YamlReader yaml = root.map("cameras").map(camera.name);
     if (!camera.host.empty()) yaml.fail("host", "is not for a camera host: its cameras are local");
     if (camera.send != Sent::frames) yaml.fail("send", "belongs to the tracker's configuration");
+    if (camera.crop)
+      yaml.fail("crop",
+                "is not for a camera host, which forwards whole pictures: connect the camera to the tracker's host");
     if (!camera.size) yaml.fail("size", "is missing: a camera host has no rig; give [width, height] as calibrated");
     if (camera.latency_offset_s) yaml.fail("latency_offset_s", "belongs to the tracker's configuration or the rig");
     for (const LiveCameraConfig& other : config.cameras) {
@@ -1038,9 +1053,9 @@ CaptureConfig load_capture_config(const fs::path& file) {
 }
 
 ServiceConfig load_service_config(const fs::path& file) {
-  if (recordings::is_video_or_picture(file))
+  if (recordings::is_video_or_picture(file) || bags::is_bag(file))
     throw files::ConfigError(file, 0,
-                             "is a video or a picture, not a configuration with rig and targets "
+                             "is a video, a picture or a bag, not a configuration with rig and targets "
                              "(configs/huetrackd.yaml has every key): huetrackd replay my.yaml left=a.mp4 right=b.mp4");
   const yaml::YamlReader written = yaml::YamlReader::file(file);
   refuse_other_files(written);

@@ -11,7 +11,7 @@
 
 #include "calib/model/camera_rig.h"
 #include "calib/yaml/yaml_reader.h"
-#include "capture/v4l2_source.h"
+#include "capture/cropped_source.h"
 #include "config/camera_tracking_config.h"
 #include "config/room_file.h"
 #include "object_tracking/tracker_options.h"
@@ -44,11 +44,15 @@ struct LiveCameraConfig {
   std::filesystem::path device;  // as written (an index as /dev/videoN); empty: remote
   std::optional<capture::CaptureFormat>
       format;                            // nullopt: the first of yuyv, nv12, mjpeg, grey with this size and rate
-  std::optional<calib::ImageSize> size;  // nullopt: the rig's, the only valid size
+  std::optional<calib::ImageSize> size;  // of the device's picture; nullopt: the rig's, the only valid one without crop
+  std::optional<capture::Crop> crop;     // the rig's image, as a part of that picture; nullopt: all of it
   std::optional<double> fps;             // > 0, <= 10000; nullopt: the driver's choice
   std::vector<capture::ControlSetting> controls;  // in the order of the file
   std::optional<double> latency_offset_s;         // read into the rig: Camera::timing.latency_s
   bool restore_controls = false;
+
+  // of_rig: size of the rig's image of this camera
+  calib::ImageSize picture_size(calib::ImageSize of_rig) const { return size.value_or(of_rig); }
 };
 
 // What `run` records.

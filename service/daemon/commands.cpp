@@ -22,7 +22,8 @@ namespace {
 
 constexpr int mistakes_status = 3;  // of replay --strict
 constexpr auto config_help = "huetrackd.yaml";
-constexpr auto recording_help = "recording.yaml, or its folder, or the cameras' videos: left=a.mp4 right=b.mp4";
+constexpr auto recording_help =
+    "recording.yaml, or its folder, a ROS bag, or the cameras' videos: left=a.mp4 right=b.mp4";
 constexpr auto write_rig_help =
     "write the rig to this new file at the end, with the estimated timing (latency, readout) and the current poses of "
     "moved cameras";

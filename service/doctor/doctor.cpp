@@ -314,7 +314,8 @@ class Doctor {
   }
   calib::ImageSize size_of(const config::LiveCameraConfig& camera) const {
     if (host_) return *camera.size;
-    return config_->rig.cameras[std::size_t(config_->rig.index_of(camera.name).value())].image_size;
+    return camera.picture_size(
+        config_->rig.cameras[std::size_t(config_->rig.index_of(camera.name).value())].image_size);
   }
 
   // Network load between camera hosts and trackers, and clock synchronisation.
@@ -372,6 +373,11 @@ class Doctor {
         else
           say({Grade::problem, camera.device.string() + " is not a video device",
                "use one of those below: run refuses to start otherwise"});
+        continue;
+      }
+      if (camera.crop && taken.contains(node)) {
+        title("camera " + camera.name);
+        say({Grade::note, "shares its device with a camera that is examined", ""});
         continue;
       }
       const calib::ImageSize size = size_of(camera);

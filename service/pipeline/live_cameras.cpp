@@ -4,9 +4,11 @@
 #include <future>
 #include <iterator>
 #include <map>
+#include <ranges>
 #include <system_error>
 #include <utility>
 
+#include "capture/cropped_source.h"
 #include "capture/network_source.h"
 #include "hosts/remote_camera.h"
 
@@ -49,8 +51,8 @@ std::optional<std::string> one_under_two_names(std::span<const config::LiveCamer
     const auto node = std::filesystem::canonical(camera.device, error);
     if (error) continue;
     const auto [first, is_new] = nodes.emplace(node, &camera);
-    if (is_new) continue;
     const config::LiveCameraConfig& other = *first->second;
+    if (is_new || (camera.crop && other.crop && camera.device == other.device)) continue;
     return other.name + " and " + camera.name + " are one camera: " + other.device.string() + " and " +
            camera.device.string() + " are both " + node.string();
   }
@@ -59,9 +61,9 @@ std::optional<std::string> one_under_two_names(std::span<const config::LiveCamer
 
 namespace {
 
-capture::V4l2SourceOptions options_of(const config::LiveCameraConfig& camera, int index, calib::ImageSize size,
-                                      const capture::FrameTiming& timing) {
-  capture::V4l2SourceOptions options;
+capture::CameraRequest request_of(const config::LiveCameraConfig& camera, int index, calib::ImageSize size,
+                                  const capture::FrameTiming& timing) {
+  capture::CameraRequest options;
   options.camera = index;
   options.name = camera.name;
   options.device = camera.device;
@@ -73,43 +75,55 @@ capture::V4l2SourceOptions options_of(const config::LiveCameraConfig& camera, in
   options.restore_controls = camera.restore_controls;
   options.timing = timing;
   options.first_patience = opening_patience;
+  options.crop = camera.crop;
   return options;
 }
 
-std::vector<LiveCamera> open_here(std::vector<capture::V4l2SourceOptions> asked, const std::stop_token& stop) {
+std::vector<LiveCamera> open_here(std::span<const capture::CameraRequest> requests, const std::stop_token& stop) {
+  std::vector<capture::SharedDevice> asked = capture::by_device(requests);
   std::vector<std::future<std::unique_ptr<capture::V4l2Source>>> opening;
-  for (const auto& options : asked)
-    opening.push_back(std::async(std::launch::async,
-                                 [options, stop] { return std::make_unique<capture::V4l2Source>(options, stop); }));
+  for (const auto& [options, parts] : asked)
+    opening.push_back(std::async(std::launch::async, [options = options, stop] {
+      return std::make_unique<capture::V4l2Source>(options, stop);
+    }));
   // A camera that cannot do what is asked (perhaps another model in its port) counts as absent. If that is true of all
   // cameras, the configuration is wrong.
-  std::vector<std::pair<int, std::unique_ptr<capture::V4l2Source>>> sources;
+  std::vector<std::unique_ptr<capture::V4l2Source>> sources;
   std::vector<std::size_t> wrong;
   std::exception_ptr first_wrong;
   for (std::size_t c = 0; c < opening.size(); ++c) {
     try {
-      sources.emplace_back(asked[c].camera, opening[c].get());
+      sources.push_back(opening[c].get());
     } catch (const capture::CaptureError& error) {
       if (error.code() != std::errc::invalid_argument) throw;
       if (!first_wrong) first_wrong = std::current_exception();
-      sources.emplace_back(asked[c].camera, nullptr);
+      sources.push_back(nullptr);
       wrong.push_back(c);
     }
   }
   if (wrong.size() == asked.size() && first_wrong) std::rethrow_exception(first_wrong);
   for (const std::size_t c : wrong) {
-    asked[c].may_be_wrong = true;
-    sources[c].second = std::make_unique<capture::V4l2Source>(asked[c], stop);
+    asked[c].options.may_be_wrong = true;
+    sources[c] = std::make_unique<capture::V4l2Source>(asked[c].options, stop);
   }
   std::vector<LiveCamera> cameras;
-  for (auto& [index, source] : sources) {
-    const capture::V4l2Source* health_of = source.get();
-    capture::V4l2Source* events_of = source.get();
-    cameras.push_back({.camera = index,
-                       .source = std::move(source),
-                       .health = [health_of] { return health_of->health(); },
-                       .take_events = [events_of] { return events_of->take_events(); },
-                       .controls = health_of->controls()});
+  for (std::size_t c = 0; c < sources.size(); ++c) {
+    capture::V4l2Source* device = sources[c].get();
+    const auto& parts = asked[c].parts;
+    cameras.push_back({.camera = asked[c].options.camera,
+                       .source = std::move(sources[c]),
+                       .health = [device] { return device->health(); },
+                       .take_events = [device] { return device->take_events(); },
+                       .controls = device->controls()});
+    if (parts.empty()) continue;
+    LiveCamera& first = cameras.back();  // delivers the others' frames, and reports what happens to the device
+    first.source = std::make_unique<capture::CroppedSource>(std::move(first.source), parts);
+    for (const capture::CroppedPart& part : parts | std::views::drop(1))
+      cameras.push_back({.camera = part.camera,
+                         .source = nullptr,
+                         .health = [device] { return device->health(); },
+                         .take_events = [] { return std::vector<capture::CameraEvent>(); },
+                         .controls = device->controls()});
   }
   return cameras;
 }
@@ -140,7 +154,7 @@ void refuse_two_names(const std::filesystem::path& file, std::span<const config:
 std::vector<LiveCamera> open_cameras(const config::ServiceConfig& config, const std::stop_token& stop) {
   refuse_two_names(config.file, config.cameras);
   const std::vector<capture::FrameTiming> timing = config::frame_timing(config.rig);
-  std::vector<capture::V4l2SourceOptions> here;
+  std::vector<capture::CameraRequest> here;
   std::vector<hosts::RemoteCameraOptions> elsewhere;
   std::vector<LiveCamera> on_the_network;
   for (const auto& camera : config.cameras) {
@@ -149,7 +163,7 @@ std::vector<LiveCamera> open_cameras(const config::ServiceConfig& config, const 
     if (capture::is_network_address(camera.device.native())) {
       on_the_network.push_back(open_network_camera(camera, index, size, timing[std::size_t(index)]));
     } else if (camera.host.empty()) {
-      here.push_back(options_of(camera, index, size, timing[std::size_t(index)]));
+      here.push_back(request_of(camera, index, camera.picture_size(size), timing[std::size_t(index)]));
     } else {
       elsewhere.push_back({.camera = index,
                            .name = camera.name,
@@ -162,7 +176,7 @@ std::vector<LiveCamera> open_cameras(const config::ServiceConfig& config, const 
                            .picture_every_s = camera.picture_every_s});
     }
   }
-  std::vector<LiveCamera> cameras = open_here(std::move(here), stop);
+  std::vector<LiveCamera> cameras = open_here(here, stop);
   std::ranges::move(on_the_network, std::back_inserter(cameras));
   if (!elsewhere.empty())
     for (auto& camera :
@@ -173,16 +187,16 @@ std::vector<LiveCamera> open_cameras(const config::ServiceConfig& config, const 
 
 std::vector<LiveCamera> open_cameras(const config::CaptureConfig& config, const std::stop_token& stop) {
   refuse_two_names(config.file, config.cameras);
-  std::vector<capture::V4l2SourceOptions> here;
+  std::vector<capture::CameraRequest> here;
   std::vector<LiveCamera> on_the_network;
   for (std::size_t c = 0; c < config.cameras.size(); ++c) {
     const config::LiveCameraConfig& camera = config.cameras[c];
     if (capture::is_network_address(camera.device.native()))
       on_the_network.push_back(open_network_camera(camera, int(c), *camera.size, {}));
     else
-      here.emplace_back(options_of(camera, int(c), *camera.size, {})).decodes = false;  // the trackers decode
+      here.emplace_back(request_of(camera, int(c), *camera.size, {})).decodes = false;  // the trackers decode
   }
-  std::vector<LiveCamera> cameras = open_here(std::move(here), stop);
+  std::vector<LiveCamera> cameras = open_here(here, stop);
   std::ranges::move(on_the_network, std::back_inserter(cameras));
   std::ranges::sort(cameras, {}, &LiveCamera::camera);
   return cameras;

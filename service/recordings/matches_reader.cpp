@@ -45,7 +45,7 @@ bool MatchesReader::read(std::vector<std::uint8_t>& bytes) {
   return false;
 }
 
-std::optional<VideoReader::Shown> MatchesReader::next() {
+std::optional<Shown> MatchesReader::next() {
   auto bytes = std::make_shared<std::vector<std::uint8_t>>();
   while (read(*bytes)) {
     const std::int64_t index = index_++;
@@ -53,7 +53,7 @@ std::optional<VideoReader::Shown> MatchesReader::next() {
     // Decode skipped frames, too: a later one may need their picture.
     auto decoded = capture::decode_matches(*bytes, decoder_, picture_);
     if (!selection_.contains(index)) continue;
-    VideoReader::Shown shown{.index = index, .stamp = std::nullopt, .image = {}};
+    Shown shown{.index = index, .stamp = std::nullopt, .image = {}};
     if (decoded) {
       shown.image = std::move(decoded->source);
       shown.matches = std::move(decoded->matches);

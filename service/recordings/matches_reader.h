@@ -22,12 +22,12 @@ inline constexpr const char* matches_file_ending = ".matches";
 bool is_matches_file(const std::filesystem::path& file);  // by its first line; false if it cannot be read
 
 // thread-compatible.
-class MatchesReader {
+class MatchesReader final : public PictureStream {
  public:
   // camera and warnings must outlive it; the file must be is_matches_file(). keeps_encoded: see ReplayOptions
   MatchesReader(const RecordedCamera& camera, std::vector<std::string>& warnings, bool keeps_encoded);
 
-  std::optional<VideoReader::Shown> next();  // the next selected frame; nullopt at the end. Never throws.
+  std::optional<Shown> next() override;
 
  private:
   bool read(std::vector<std::uint8_t>& bytes);

@@ -12,6 +12,8 @@
 #include "calib/files/number_text.h"
 #include "calib/files/text_file.h"
 #include "calib/yaml/yaml_reader.h"
+#include "recordings/bag_pictures.h"
+#include "recordings/bags/bag.h"
 
 namespace huetrack::recordings {
 namespace {
@@ -107,6 +109,14 @@ class TimestampFile {
   std::optional<capture::Timestamp> last_at_;
 };
 
+// u, v, width, height. nullopt: they are none.
+std::optional<capture::Crop> crop_of(std::span<const double> numbers) {
+  for (const double number : numbers)
+    if (number != std::floor(number) || number < 0 || number > 1e6) return std::nullopt;
+  const capture::Crop crop{int(numbers[0]), int(numbers[1]), int(numbers[2]), int(numbers[3])};
+  return crop.width > 0 && crop.height > 0 ? std::optional(crop) : std::nullopt;
+}
+
 void refuse_videos(const std::filesystem::path& file) {
   if (!is_video_or_picture(file)) return;  // the file's reader reports other problems
   throw files::ConfigError(file, 0,
@@ -128,6 +138,52 @@ bool is_video_or_picture(const std::filesystem::path& file) {
          head.starts_with("\xff\xd8\xff") || head.starts_with("\x89PNG");
 }
 
+capture::Crop crop_in(const yaml::YamlReader& mapping, std::string_view key) {
+  const auto crop = crop_of(mapping.numbers(key, 4, 4, yaml::non_negative));
+  if (!crop) mapping.fail(key, "is not [u, v, width, height] in whole pixels");
+  return *crop;
+}
+
+std::pair<std::string, std::optional<capture::Crop>> split_crop(const std::string& frames,
+                                                                const std::filesystem::path& file) {
+  const auto at = frames.rfind('@');
+  std::error_code none;
+  if (at == std::string::npos || std::filesystem::exists(frames, none)) return {frames, std::nullopt};
+  std::vector<double> numbers;
+  std::string_view rest = std::string_view(frames).substr(at + 1);
+  if (rest.find_first_not_of("0123456789.,- ") != std::string_view::npos) return {frames, std::nullopt};  // me@home.mp4
+  for (auto comma = rest.find(','); !rest.empty(); comma = rest.find(',')) {
+    const auto number = files::number_of<double>(std::string(rest.substr(0, comma)));
+    if (!number) break;
+    numbers.push_back(*number);
+    rest.remove_prefix(comma == std::string_view::npos ? rest.size() : comma + 1);
+  }
+  const auto crop = rest.empty() && numbers.size() == 4 ? crop_of(numbers) : std::nullopt;
+  if (!crop)
+    throw files::ConfigError(file, 0,
+                             "\"" + files::printable(frames) +
+                                 "\" has no part of a picture behind its @: write @u,v,width,height "
+                                 "in whole pixels, such as @640,0,640,480");
+  return {frames.substr(0, at), crop};
+}
+
+RecordedCamera recorded_camera(const std::string& name, const std::string& frames, const std::filesystem::path& file) {
+  RecordedCamera camera;
+  camera.name = name;
+  auto [path, crop] = split_crop(frames, file);
+  camera.crop = crop;
+  std::string topic;
+  std::error_code none;
+  if (const auto colon = path.rfind(":/");
+      colon != std::string::npos && !std::filesystem::exists(path, none) && bags::is_bag(path.substr(0, colon))) {
+    topic = path.substr(colon + 1);
+    path.resize(colon);
+  }
+  camera.frames = std::filesystem::absolute(path).lexically_normal();
+  if (bags::is_bag(camera.frames)) camera.topic = topic_of(camera.frames, name, topic);
+  return camera;
+}
+
 Recording read_recording(const std::filesystem::path& path) {
   const auto absolute = std::filesystem::absolute(path);
   std::error_code unreadable;  // reported by the reader, with the file's name
@@ -137,6 +193,7 @@ Recording read_recording(const std::filesystem::path& path) {
       .warnings = {},
       .started_at = {}};
   recording.file = recording.file.lexically_normal();
+  if (bags::is_bag(absolute)) return recording_of_bag(absolute.lexically_normal());
   const auto folder = recording.file.parent_path();
   refuse_videos(recording.file);
   const auto yaml = yaml::YamlReader::file(recording.file);
@@ -157,6 +214,12 @@ Recording read_recording(const std::filesystem::path& path) {
                 "this is a rig, not a recording: a recording is a folder with a recording.yaml, which names each "
                 "camera's frames");
     camera.frames = (folder / entry.string("frames")).lexically_normal();
+    const std::string topic = entry.string("topic", "");
+    if (bags::is_bag(camera.frames))
+      camera.topic = topic_of(camera.frames, name, topic);
+    else if (!topic.empty())
+      entry.fail("topic", "is for a bag of ROS, and " + camera.frames.string() + " is none");
+    if (entry.has("crop")) camera.crop = crop_in(entry, "crop");
     if (entry.has("fps")) camera.fps = entry.number("fps", {.min = 1e-3, .max = 1e6});
     camera.offset = exact_duration_of(entry.number("offset_s", {.min = -longest_s, .max = longest_s}, 0));
     camera.first_frame = entry.integer("first_frame", {.min = 0, .max = 1e12}, 0);
@@ -191,11 +254,9 @@ Recording read_recording(std::span<const std::string> words) {
       throw files::ConfigError(
           recording.file, 0,
           "\"" + files::printable(word) +
-              "\" is no CAMERA=FILE: a recording is a recording.yaml, or the folder that holds it, "
+              "\" is no CAMERA=FILE: a recording is a recording.yaml, or the folder that holds it, a ROS bag, "
               "or one CAMERA=FILE per camera: left=a.mp4 right=b.mp4");
-    RecordedCamera camera;
-    camera.name = word.substr(0, equals);
-    camera.frames = std::filesystem::absolute(word.substr(equals + 1)).lexically_normal();
+    RecordedCamera camera = recorded_camera(word.substr(0, equals), word.substr(equals + 1), recording.file);
     if (std::ranges::find(recording.cameras, camera.name, &RecordedCamera::name) != recording.cameras.end())
       throw files::ConfigError(recording.file, 0, "names camera " + camera.name + " twice");
     recording.cameras.push_back(std::move(camera));

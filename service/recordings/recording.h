@@ -7,7 +7,10 @@
 //                                                                   # our own:
 //                                                                   frame,t_s,sequence,arrival,stamp_s,clock,clock_sigma_ns
 //     fast:  {frames: fast.mkv, fps: 60, first_frame: 1, every: 2}  # frames 1, 3, 5, ... at 1/60, 3/60, 5/60 s
-// frames: anything that FFmpeg reads, or a printf pattern or glob of images. Relative paths start at the yaml file.
+//     robot: {frames: run.mcap, topic: /robot/image_raw}            # a ROS bag; topic may be omitted where it is clear
+//     half:  {frames: stereo.mkv, crop: [640, 0, 640, 480]}         # u, v, width, height
+// frames: anything that FFmpeg reads, a printf pattern or glob of images, or a bag. Relative paths start at the yaml
+// file.
 #pragma once
 
 #include <cstdint>
@@ -18,15 +21,19 @@
 #include <utility>
 #include <vector>
 
+#include "calib/yaml/yaml_reader.h"
+#include "capture/frames/crop.h"
 #include "capture/frames/frame.h"
 
 namespace huetrack::recordings {
 
 struct RecordedCamera {
   std::string name;
-  std::filesystem::path frames;  // absolute: a video, a printf pattern or a glob
-  double fps = 0;                // > 0: regular times, frame k was captured at k / fps + offset
-  capture::Duration offset{0};   // added to every capture time
+  std::filesystem::path frames;            // absolute: a video, a printf pattern, a glob, a split film, or a ROS bag
+  std::string topic = {};                  // of a bag; never empty then
+  std::optional<capture::Crop> crop = {};  // the camera's image is this part of every picture
+  double fps = 0;                          // > 0: regular times, frame k was captured at k / fps + offset
+  capture::Duration offset{0};             // added to every capture time
   // (frame in the stream, capture time before the offset), both strictly ascending. Frames that are not listed are not
   // played. Neither fps nor timestamps: the container's own time stamps.
   std::vector<std::pair<std::int64_t, capture::Timestamp>> timestamps;
@@ -56,14 +63,32 @@ struct Recording {
   std::optional<capture::Timestamp> started_at;  // UNIX time of the recording clock's zero, if known (key started_at)
 };
 
+// A camera from a command's word for its frames: FILE, BAG:/topic, and either with @u,v,width,height for a part of
+// every picture. file: for messages. throws ConfigError
+RecordedCamera recorded_camera(const std::string& name, const std::string& frames, const std::filesystem::path& file);
+
+// "a.mkv@640,0,640,480" as its file and its crop. A file of that whole name is no crop. throws ConfigError
+std::pair<std::string, std::optional<capture::Crop>> split_crop(const std::string& frames,
+                                                                const std::filesystem::path& file);
+
+// The value [u, v, width, height] of a key. throws ConfigError
+capture::Crop crop_in(const yaml::YamlReader& mapping, std::string_view key);
+
 // By the file's first bytes: Matroska and WebM, AVI, MP4 and MOV, JPEG, PNG. False if it cannot be read.
 bool is_video_or_picture(const std::filesystem::path& file);
 
-// path: the yaml file, or the folder that holds recording.yaml. throws ConfigError
+// Whether a folder holds the parts of a film (camcorders: .MTS, .m2ts), which `frames` may name instead of a video.
+bool is_split_film(const std::filesystem::path& folder);
+
+// What a file is that no part of huetrack reads, and the command that converts it, such as HEIC; empty: not known.
+std::string advice_to_convert(const std::filesystem::path& file);
+
+// path: the yaml file, or the folder that holds recording.yaml; or a ROS bag (bags/bag.h), all of whose topics of
+// pictures are cameras. throws ConfigError
 Recording read_recording(const std::filesystem::path& path);
 
-// From a command's words: one such path; or, without a recording.yaml, one CAMERA=FILE per camera, with the videos' own
-// times. throws ConfigError
+// From a command's words: one such path; or, without a recording.yaml, one CAMERA=FRAMES per camera
+// (recorded_camera()), with the videos' own times. throws ConfigError
 Recording read_recording(std::span<const std::string> words);
 
 }  // namespace huetrack::recordings

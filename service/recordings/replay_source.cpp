@@ -13,8 +13,12 @@
 #include "calib/files/config_error.h"
 #include "calib/files/csv_table.h"
 #include "calib/files/nearest_word.h"
+#include "capture/frames/crop.h"
 #include "capture/timing/camera_clock.h"
+#include "recordings/bag_pictures.h"
+#include "recordings/jpeg_stream.h"
 #include "recordings/matches_reader.h"
+#include "recordings/picture_stream.h"
 #include "recordings/video_reader.h"
 
 namespace huetrack::recordings {
@@ -53,29 +57,37 @@ class Stream {
     }
     // Our recording, killed when its first frames were listed but not yet in the file: it delivered nothing.
     const bool is_cut_off = !camera_.received.empty() && std::filesystem::exists(camera_.frames);
+    const bool has_matches = is_matches_file(camera_.frames);
     try {
-      if (is_matches_file(camera_.frames))
-        matches_.emplace(camera_, warnings, options.keeps_encoded);
+      if (has_matches)
+        reader_ = std::make_unique<MatchesReader>(camera_, warnings, options.keeps_encoded);
+      else if (!camera_.topic.empty())
+        reader_ = std::make_unique<BagPictures>(camera_, warnings, options.keeps_encoded);
+      else if (is_jpeg_stream(camera_.frames))
+        reader_ = std::make_unique<JpegStream>(camera_, warnings, options.keeps_encoded);
       else
-        reader_.emplace(camera_, options.decoder_threads, warnings, std::nullopt, options.keeps_encoded);
+        reader_ = std::make_unique<VideoReader>(camera_, options.decoder_threads, warnings, std::nullopt,
+                                                options.keeps_encoded);
     } catch (const files::ConfigError&) {
       if (!is_cut_off) throw;
       forget();
       return;
     }
-    if (matches_ && !options.takes_matches)
+    if (has_matches && !options.takes_matches)
       throw files::ConfigError(camera_.frames, 0,
                                "has only which pixels match some colours, but this needs pictures: "
                                "record with send: frames (frames of camera " +
                                    camera_.name + ")");
+    if (has_matches && camera_.crop)
+      throw files::ConfigError(camera_.frames, 0,
+                               "has matches, of which no part can be cropped (camera " + camera_.name + ")");
     info_.frame_period = !camera_.timestamps.empty() ? usual_period(camera_, selection_)
                          : camera_.fps > 0 ? capture::duration_of(static_cast<double>(camera_.every) / camera_.fps)
-                         : reader_         ? camera_.every * reader_->frame_period()
-                                           : capture::Duration::zero();
+                                           : camera_.every * reader_->frame_period();
     require_a_fitting_unit();
     if (!camera_.timestamps.empty())
       info_.expected_frames = selection_.count_below(camera_.timestamps.back().first + 1);
-    else if (const auto count = reader_ ? reader_->frame_count() : std::nullopt)
+    else if (const auto count = reader_->frame_count())
       info_.expected_frames = selection_.count_below(*count);
 
     // The first frame with an image determines the size; corrupted ones before it are queued.
@@ -104,7 +116,6 @@ class Stream {
     warnings_.push_back(camera_.frames.string() +
                         ": nothing of it can be played: the recording was cut off at its start");
     reader_.reset();
-    matches_.reset();
     picture_.reset();
     waiting_.clear();
     camera_.timestamps.clear();
@@ -130,7 +141,7 @@ class Stream {
   const ReplayCamera& info() const { return info_; }
 
   bool ended() const {
-    return waiting_.empty() && !picture_ && (!has_reader() || ended_) && next_corrupted_ == camera_.corrupted.size();
+    return waiting_.empty() && !picture_ && (!reader_ || ended_) && next_corrupted_ == camera_.corrupted.size();
   }
 
   // No picture, that is.
@@ -155,7 +166,7 @@ class Stream {
  private:
   // The next picture, or an earlier frame that was recorded as corrupted.
   std::optional<capture::Frame> read() {
-    if (!picture_ && has_reader()) picture_ = read_picture();
+    if (!picture_ && reader_) picture_ = read_picture();
     const auto& corrupted = camera_.corrupted;
     if (next_corrupted_ < corrupted.size() &&
         (!picture_ || corrupted[next_corrupted_].first + camera_.offset - timing_.latency < picture_->captured_at)) {
@@ -182,10 +193,8 @@ class Stream {
     last_number_ = number;
   }
 
-  bool has_reader() const { return reader_ || matches_; }
-
   std::optional<capture::Frame> read_picture() {
-    while (auto picture = reader_ ? reader_->next() : matches_->next()) {
+    while (auto picture = reader_->next()) {
       const auto stamp = capture_time(*picture);
       if (!stamp) continue;
       if (last_stamp_ && *stamp <= *last_stamp_) {
@@ -215,7 +224,7 @@ class Stream {
       } else {
         frame.stream_index = picture->index;
       }
-      if (picture->image.width > 0 && has_the_size(*picture)) {
+      if (picture->image.width > 0 && has_the_size(*picture) && crop(*picture)) {
         frame.status = capture::FrameStatus::ok;
         frame.pixels = std::move(picture->image);
         frame.encoded = std::move(picture->jpeg);
@@ -243,7 +252,7 @@ class Stream {
     return static_cast<std::size_t>(row - camera_.timestamps.begin());
   }
 
-  std::optional<capture::Timestamp> capture_time(const VideoReader::Shown& picture) {
+  std::optional<capture::Timestamp> capture_time(const Shown& picture) {
     if (!camera_.timestamps.empty()) return camera_.timestamps[row_of(picture.index)].second + camera_.offset;
     if (camera_.fps > 0) {
       if (picture.stamp) {
@@ -285,7 +294,7 @@ class Stream {
   }
 
   // A typed fps is wrong more often than a file's; but it may be intended, for slow motion.
-  void warn_of_rate(const VideoReader::Shown& picture) {
+  void warn_of_rate(const Shown& picture) {
     constexpr std::int64_t enough = 4;  // frames
     const auto count = picture.index - first_stamp_->first;
     if (!reader_ || count < enough || std::exchange(knows_rate_, true)) return;
@@ -301,7 +310,7 @@ class Stream {
   }
 
   // A missing frame in a file of the stated rate: all later times are wrong by a frame.
-  void warn_of_gap(const VideoReader::Shown& picture) {
+  void warn_of_gap(const Shown& picture) {
     const capture::Duration period = capture::duration_of(1 / camera_.fps);
     if (warned_of_gap_ || !reader_) return;
     const capture::Duration by_stamps = *picture.stamp - first_stamp_->second;
@@ -314,20 +323,37 @@ class Stream {
          ": from there on, fps gives times that are too early. Leave fps out to use the file's time stamps");
   }
 
-  bool has_the_size(const VideoReader::Shown& picture) {
+  bool has_the_size(const Shown& picture) {
     const capture::Image& image = picture.image;
-    if (info_.width == 0) {
-      info_.width = image.width;
-      info_.height = image.height;
-      info_.format = image.format;
-      info_.range = image.range;
+    if (width_ == 0) {
+      width_ = image.width;
+      height_ = image.height;
     }
-    if (image.width == info_.width && image.height == info_.height) return true;
+    if (image.width == width_ && image.height == height_) return true;
     if (!std::exchange(warned_of_size_, true))
       warn("frame " + std::to_string(picture.index) + " is " + std::to_string(image.width) + "x" +
-           std::to_string(image.height) + ", not " + std::to_string(info_.width) + "x" + std::to_string(info_.height) +
+           std::to_string(image.height) + ", not " + std::to_string(width_) + "x" + std::to_string(height_) +
            " as the first: frames of another size are not used");
     return false;
+  }
+
+  // The camera's own part of the picture. False: a later picture's format has no such part. throws ConfigError: the
+  // first
+  bool crop(Shown& picture) {
+    if (camera_.crop) {
+      const auto problem = capture::problem_of(*camera_.crop, picture.image.format, width_, height_);
+      if (!problem.empty() && info_.width == 0)
+        throw files::ConfigError(camera_.frames, 0, problem + " (frames of camera " + camera_.name + ")");
+      if (!problem.empty()) return false;
+      picture.image = capture::cropped(picture.image, *camera_.crop);
+      picture.jpeg = nullptr;  // of the whole picture
+    }
+    if (info_.width > 0) return true;
+    info_.width = picture.image.width;
+    info_.height = picture.image.height;
+    info_.format = picture.image.format;
+    info_.range = picture.image.range;
+    return true;
   }
 
   void note_listed_frames_that_never_came() {
@@ -359,11 +385,11 @@ class Stream {
   capture::CameraClock clock_;
   FrameSelection selection_;  // of camera_
   std::vector<std::string>& warnings_;
-  std::optional<VideoReader> reader_;      // of camera_; none when it delivered nothing
-  std::optional<MatchesReader> matches_;   // instead of reader_
+  std::unique_ptr<PictureStream> reader_;  // of camera_; none when it delivered nothing
   std::optional<capture::Frame> picture_;  // read ahead
   std::size_t next_corrupted_ = 0;         // row of camera_.corrupted
   ReplayCamera info_;
+  int width_ = 0, height_ = 0;  // of every picture, of which the camera's image may be a part
   std::deque<capture::Frame> waiting_;
   std::optional<capture::Timestamp> last_stamp_;
   std::optional<std::int64_t> first_index_, last_index_;                    // in the stream, of the played pictures

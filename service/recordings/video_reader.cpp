@@ -16,6 +16,7 @@
 #include "capture/ffmpeg/stream_decoder.h"
 #include "capture/jpeg/jpeg_reader.h"
 #include "recordings/picture_order.h"
+#include "recordings/stream_parts.h"
 
 namespace huetrack::recordings {
 
@@ -136,26 +137,33 @@ constexpr const char* films =
 
 struct VideoReader::Impl {
   Impl(const RecordedCamera& c, int threads, std::vector<std::string>& w, std::optional<std::stop_token> g, bool keeps)
-      : camera(c), selection(c), warnings(w), growing(std::move(g)), images(image_files_of(c)), keeps_jpeg(keeps) {
+      : camera(c), selection(c), warnings(w), growing(std::move(g)), keeps_jpeg(keeps) {
     capture::take_over_ffmpeg_log();
-    open(images.empty() ? camera.frames : images.front().path, threads);
+    auto parts = stream_parts(c.frames);
+    if (parts.empty()) images = image_files_of(c);
+    if (parts.empty()) parts = {images.empty() ? camera.frames : images.front().path};
+    open(parts, threads);
   }
 
   [[noreturn]] void fail(const std::filesystem::path& file, const std::string& what) {
     throw files::ConfigError(file, 0, what + log.take() + " (frames of camera " + camera.name + ")");
   }
 
-  void open(const std::filesystem::path& file, int threads) {
+  // parts: of one film, or a file
+  void open(const std::vector<std::filesystem::path>& parts, int threads) {
+    const std::filesystem::path& file = parts.front();
     const capture::FfmpegLogScope scope(log);
     std::error_code error;
     if (!std::filesystem::exists(file, error)) fail(file, "no such file");
     if (!std::filesystem::is_regular_file(file, error))
-      fail(file, "is not a file: give a video, or images as a pattern like %06d.png");
+      fail(file,
+           "is not a file: give a video, or images as a pattern like %06d.png; a folder may hold the parts of a film "
+           "(.MTS)");
     if (std::filesystem::file_size(file, error) == 0 && !error) fail(file, "is empty");
 
     // Local files only: a play list in a recording must not access the network.
     AVDictionary* options = nullptr;
-    av_dict_set(&options, "protocol_whitelist", "file", 0);
+    av_dict_set(&options, "protocol_whitelist", "file,concat", 0);
     av_dict_set(&options, "format_whitelist", films, 0);
     av_dict_set(&options, "pattern_type", "none", 0);                       // image_files_of() handles series of images
     AVFormatContext* opened = capture::not_null(avformat_alloc_context());  // freed if it cannot be opened
@@ -164,12 +172,13 @@ struct VideoReader::Impl {
       opened->interrupt_callback = {
           [](void* stop) { return static_cast<const std::stop_token*>(stop)->stop_requested() ? 1 : 0; }, &*growing};
     }
-    const int open_error = avformat_open_input(&opened, ("file:" + file.string()).c_str(), nullptr, &options);
+    const int open_error = avformat_open_input(&opened, ffmpeg_address(parts).c_str(), nullptr, &options);
     av_dict_free(&options);
     if (open_error < 0) {
       const std::string said = log.take();
       if (said.find("whitelist") != std::string::npos)
         fail(file, "is no film: a play list, or what else only names other files, is not followed");
+      if (const auto advice = advice_to_convert(file); !advice.empty()) fail(file, advice);
       fail(file, "is not a video or image that FFmpeg can read: " + capture::error_text(open_error) + said);
     }
     format.reset(opened);
@@ -182,12 +191,15 @@ struct VideoReader::Impl {
     const int best = found < 0 ? found : av_find_best_stream(format.get(), AVMEDIA_TYPE_VIDEO, -1, -1, &decoder, 0);
     if (best == AVERROR_DECODER_NOT_FOUND) fail(file, "its video codec is not in this FFmpeg");
     // FFmpeg plays text files as terminal pictures.
-    if (best < 0 || !decoder || decoder->id == AV_CODEC_ID_ANSI) fail(file, "has no video stream");
+    if (best < 0 || !decoder || decoder->id == AV_CODEC_ID_ANSI) {
+      const auto advice = advice_to_convert(file);
+      fail(file, advice.empty() ? "has no video stream" : advice);
+    }
     for (unsigned i = 0; i < format->nb_streams; ++i)
       if (static_cast<int>(i) != best) format->streams[i]->discard = AVDISCARD_ALL;
     stream = format->streams[best];
 
-    if (const int e = codec.open(*stream, *decoder, decoding); e < 0)
+    if (const int e = codec.open(stream, *decoder, decoding); e < 0)
       fail(file, "its video cannot be decoded: " + capture::error_text(e));
     pictures.set_stream(*stream);
     const AVCodecDescriptor* properties = avcodec_descriptor_get(decoder->id);

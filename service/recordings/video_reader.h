@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "capture/frames/frame.h"
+#include "recordings/picture_stream.h"
 #include "recordings/recording.h"
 
 namespace huetrack::recordings {
@@ -27,28 +28,21 @@ class FrameSelection {
 };
 
 // thread-compatible.
-class VideoReader {
+class VideoReader final : public PictureStream {
  public:
-  struct Shown {
-    std::int64_t index = 0;                                      // in the stream; lost pictures count
-    std::optional<capture::Timestamp> stamp;                     // the container's presentation time, if any
-    capture::Image image;                                        // width 0: it does not decode
-    std::shared_ptr<const std::vector<std::uint8_t>> jpeg = {};  // the file's JPEG bytes, if requested
-    std::shared_ptr<const capture::Matches> matches = {};  // from a file of matches (matches_reader.h); no planes then
-  };
+  using Shown = recordings::Shown;
 
   // camera and warnings must outlive the reader. Warnings are one line each. throws ConfigError that names the file.
   // growing: the file is still being written: wait for more at its end, until this stop. nullopt: it is complete.
   VideoReader(const RecordedCamera& camera, int threads, std::vector<std::string>& warnings,
               std::optional<std::stop_token> growing = std::nullopt, bool keeps_jpeg = false);
-  ~VideoReader();
+  ~VideoReader() override;
   VideoReader(const VideoReader&) = delete;
   VideoReader& operator=(const VideoReader&) = delete;
 
-  std::optional<Shown> next();  // the next selected picture; nullopt at the end. Never throws.
-
-  std::optional<std::int64_t> frame_count() const;  // of the whole stream, as declared by the file: may be wrong
-  capture::Duration frame_period() const;           // average, as declared by the file; 0 when unknown
+  std::optional<Shown> next() override;
+  std::optional<std::int64_t> frame_count() const override;
+  capture::Duration frame_period() const override;  // average
 
  private:
   struct Impl;

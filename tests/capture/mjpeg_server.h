@@ -32,7 +32,11 @@ class MjpegServer {
     int width = 64, height = 48, pictures = 10;
     bool is_silent_then = false;    // the connection stays open, and nothing comes
     std::string endless_then = {};  // the header of a picture, or of an answer, that never ends
-    bool is_rtsp = false;           // no pictures: `endless_then` answers DESCRIBE
+    std::string type = "multipart/x-mixed-replace; boundary=frame";
+    std::string first_boundary = "--frame\r\n",
+                boundary = "--frame\r\n";  // before the first picture, before the others
+    bool has_headers = true;               // of every picture: its type and length
+    bool is_rtsp = false;                  // no pictures: `endless_then` answers DESCRIBE
   };
   explicit MjpegServer(Film film) : film_(film), listening_(::socket(AF_INET, SOCK_STREAM, 0)) {
     sockaddr_in here{};
@@ -68,11 +72,12 @@ class MjpegServer {
         send_endless(client, stop);
         continue;
       }
-      send(client, "HTTP/1.0 200 OK\r\nContent-Type: multipart/x-mixed-replace; boundary=frame\r\n\r\n");
+      send(client, "HTTP/1.0 200 OK\r\nContent-Type: " + film_.type + "\r\n\r\n");
       for (int k = 0; k < film_.pictures && !stop.stop_requested(); ++k) {
         const auto jpeg = picture(film_.width, film_.height, 40 + 10 * (k % 16));
-        send(client,
-             "--frame\r\nContent-Type: image/jpeg\r\nContent-Length: " + std::to_string(jpeg.size()) + "\r\n\r\n");
+        send(client, k == 0 ? film_.first_boundary : film_.boundary);
+        if (film_.has_headers)
+          send(client, "Content-Type: image/jpeg\r\nContent-Length: " + std::to_string(jpeg.size()) + "\r\n\r\n");
         send(client, std::string(jpeg.begin(), jpeg.end()) + "\r\n");
         std::this_thread::sleep_for(std::chrono::milliseconds(20));
       }

@@ -73,6 +73,31 @@ TEST(NetworkSource, StampsPicturesOnArrival) {
   EXPECT_EQ(health.warning, "");  // its latency is known
 }
 
+// Boundaries are free text, and some cameras send none before the first picture, or none at all.
+TEST(NetworkSource, TakesAnyBoundary) {
+  const std::string multipart = "multipart/x-mixed-replace; boundary=";
+  const std::vector<MjpegServer::Film> films{
+      {.type = multipart + "frame", .first_boundary = ""},
+      {.type = multipart + "frame", .first_boundary = "", .boundary = "", .has_headers = false},
+      {.type = multipart + "--frame", .first_boundary = "--frame\r\n"},
+      {.type = multipart + "\"a b\"", .first_boundary = "a b\r\n", .boundary = "a b\r\n"},
+      {.type = multipart, .first_boundary = "\r\n\r\n", .boundary = "\r\n"},
+      {.type = "image/jpeg", .first_boundary = "", .boundary = "", .has_headers = false},
+      {.type = "video/x-motion-jpeg", .first_boundary = "", .boundary = "", .has_headers = false}};
+  for (const MjpegServer::Film& film : films) {
+    SCOPED_TRACE(film.type + " | " + film.first_boundary + " | " + film.boundary);
+    MjpegServer camera(film);
+    NetworkSource source(network_options(camera));
+    for (int k = 0; k < 8; ++k) {
+      const auto frame = source.next({});
+      ASSERT_TRUE(frame);
+      ASSERT_EQ(frame->status, FrameStatus::ok);
+      EXPECT_NEAR(yuv_at(frame->pixels, 30, 20).y, 40 + 10 * k, 2);
+    }
+    EXPECT_THAT(source.health().message, HasSubstr("delivers mjpeg"));
+  }
+}
+
 TEST(NetworkSource, WarnsWhileLatencyIsUnknown) {
   MjpegServer camera({});
   NetworkSource source(network_options(camera));

@@ -388,7 +388,37 @@ INSTANTIATE_TEST_SUITE_P(
                 "got \"webcam\": "
                 "ls -l /dev/v4l/by-path/ lists the cameras"},
         Mistake{"DeviceTwice", ball + "cameras:\n  cam0: {device: 0}\n  cam1: {device: /dev/video0}\n",
-                "c.yaml:6: cameras.cam1.device: is the device of cam0 already"},
+                "c.yaml:6: cameras.cam1.device: is the device of cam0 already: cameras that share one need a crop "
+                "each, their part of "
+                "its picture"},
+        Mistake{"CropWithoutSize", ball + "cameras:\n  cam0: {device: 0, crop: [0, 0, 320, 240]}\n",
+                "c.yaml:5: cameras.cam0.crop: needs size: that of the device's whole picture, as [1280, 480]"},
+        Mistake{
+            "CropNotTheRigs", ball + "cameras:\n  cam0: {device: 0, size: [1280, 480], crop: [0, 0, 640, 480]}\n",
+            "c.yaml:5: cameras.cam0.crop: is 640x480, and the rig was calibrated at 320x240: calibrate with this crop"},
+        Mistake{"CropOutside", ball + "cameras:\n  cam0: {device: 0, size: [640, 240], crop: [480, 0, 320, 240]}\n",
+                "c.yaml:5: cameras.cam0.crop: camera cam0: crop [480, 0, 320, 240] (u, v, width, height) is no part of "
+                "the picture, "
+                "which is 640x240"},
+        Mistake{"CropOfOddPixels", ball + "cameras:\n  cam0: {device: 0, size: [640, 240], crop: [1, 0, 320, 240]}\n",
+                "c.yaml:5: cameras.cam0.crop: camera cam0: crop [1, 0, 320, 240] must be even numbers, because "
+                "neighbouring "
+                "pixels of a camera share their colour"},
+        Mistake{"CropsOfTwoRates",
+                ball + "cameras:\n  cam0: {device: 0, size: [640, 240], fps: 30, crop: [0, 0, 320, 240]}\n"
+                       "  cam1: {device: 0, size: [640, 240], fps: 60, crop: [320, 0, 320, 240]}\n",
+                "c.yaml:6: cameras.cam1.crop: cameras cam0 and cam1 share a device, which has one format, size, fps, "
+                "controls "
+                "and restore_controls: give both the same"},
+        Mistake{
+            "CropOfOneOfTwo",
+            ball + "cameras:\n  cam0: {device: 0}\n  cam1: {device: 0, size: [640, 240], crop: [320, 0, 320, 240]}\n",
+            "c.yaml:6: cameras.cam1.device: is the device of cam0 already: cameras that share one need a crop each, "
+            "their part of "
+            "its picture"},
+        Mistake{"CropOfANetworkCamera",
+                ball + "cameras:\n  cam0: {device: \"rtsp://c/1\", size: [640, 240], crop: [0, 0, 320, 240]}\n",
+                "c.yaml:5: cameras.cam0.crop: is for a camera that is connected to this host"},
         Mistake{"SizeNotTheRigs", ball + "cameras:\n  cam0: {device: 0, size: [640, 480]}\n",
                 "c.yaml:5: cameras.cam0.size: the rig was calibrated at 320x240: use that size (or the word rig), or "
                 "calibrate anew"},
@@ -704,7 +734,7 @@ TEST_F(ServiceConfigFile, AVideoIsNoConfiguration) {
     load_service_config(configs / "demo/recording/cam0.mkv");
     FAIL();
   } catch (const files::ConfigError& error) {
-    EXPECT_THAT(error.what(), HasSubstr("cam0.mkv: is a video or a picture, not a configuration"));
+    EXPECT_THAT(error.what(), HasSubstr("cam0.mkv: is a video, a picture or a bag, not a configuration"));
   }
 }
 

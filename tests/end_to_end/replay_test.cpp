@@ -419,5 +419,34 @@ TEST_F(EndToEnd, WrongUsageIsSaidAndVersionsAreTold) {
   EXPECT_EQ(version.out, "huetrackd " HUETRACK_VERSION "\n");
 }
 
+// A recording, exported as a bag and played again: the same pictures and times, so the same track; and the same rig.
+TEST_F(EndToEnd, ABagTracksAsTheRecordingThatItWasMadeFrom) {
+  const std::string offset = "1700000000";  // ROS has no times before 1970
+  const auto rms_mm = [&](const std::string& csv, const std::string& clock_offset) {
+    const Result compared =
+        run({HUETRACKD, "compare", csv, recording + "/groundtruth.csv", "--clock-offset", clock_offset});
+    const auto at = compared.out.find("rms error ");
+    EXPECT_NE(at, std::string::npos) << compared.out << compared.err;
+    return at == std::string::npos ? 1e9 : std::stod(compared.out.substr(at + 10));
+  };
+  const double of_recording = rms_mm(write(tracks({}), "recording.csv"), "0");
+  for (const std::string out : {"run.mcap", "run_bag"}) {
+    const std::string bag = folder_ / out;
+    const Result exported = run({HUETRACK, "export", "--pictures", recording, "--clock-offset", offset, "--out", bag});
+    ASSERT_EQ(exported.status, 0) << exported.err;
+    EXPECT_NEAR(rms_mm(write(tracks({}, config, bag), out + ".csv"), offset), of_recording, 0.2);
+    const std::string rig = folder_ / (out + ".rig.yaml");
+    const Result imported = run({HUETRACK_CALIBRATE, "import", bag, "--rig", rig});
+    ASSERT_EQ(imported.status, 0) << imported.err;
+    const calib::CameraRig taken = calib::read_rig(rig), own = calib::read_rig(recording + "/rig.yaml");
+    ASSERT_EQ(taken.cameras.size(), own.cameras.size());
+    for (std::size_t c = 0; c < own.cameras.size(); ++c) {
+      EXPECT_EQ(taken.cameras[c].name, own.cameras[c].name);
+      EXPECT_NEAR(taken.cameras[c].model.fx(), own.cameras[c].model.fx(), 1e-9);
+      EXPECT_LT((taken.cameras[c].centre() - own.cameras[c].centre()).norm(), 1e-9);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace huetrack::end_to_end

@@ -11,6 +11,7 @@
 
 #include "calib/files/config_error.h"
 #include "calib/model/nearest_lens.h"
+#include "recordings/bag_writer.h"
 
 namespace huetrack::exchange {
 namespace {
@@ -600,6 +601,81 @@ TEST_F(Exchange, RejectsDeepNestingBeforeParsing) {
                                         ExchangeFormat::aniposelib, ExchangeFormat::caliscope})
       EXPECT_THROW(import_rig(file, {.format = format}), files::ConfigError) << name;
   }
+}
+
+// ---- ROS bags
+
+recordings::WrittenMessage bag_picture(const std::string& camera) {
+  return {"/" + camera + "/image_raw", "sensor_msgs/msg/Image", 1,
+          recordings::raw_image({}, 1, 2, 2, "mono8", 2, "abcd")};
+}
+
+recordings::WrittenMessage bag_info(const std::string& camera, const std::string& model, const std::vector<double>& d,
+                                    double fx = 500) {
+  recordings::MessageBytes bytes({});
+  bytes.header(1, camera + "_optical").number(std::uint32_t{480}).number(std::uint32_t{640}).text(model);
+  bytes.number(static_cast<std::uint32_t>(d.size())).numbers(d);
+  bytes.numbers(std::array{fx, 0.0, 320.0, 0.0, fx, 240.0, 0.0, 0.0, fx == 0 ? 0.0 : 1.0});
+  bytes.numbers(std::array<double, 21>{}).number(std::uint32_t{0}).number(std::uint32_t{0});
+  bytes.numbers(std::array<std::uint32_t, 4>{}).number(std::uint8_t{0});
+  return {"/" + camera + "/camera_info", "sensor_msgs/msg/CameraInfo", 1, bytes.done()};
+}
+
+// parent, child, x: without a rotation
+recordings::WrittenMessage bag_tf(const std::vector<std::tuple<std::string, std::string, double>>& transforms) {
+  recordings::MessageBytes bytes({});
+  bytes.number(static_cast<std::uint32_t>(transforms.size()));
+  for (const auto& [parent, child, x] : transforms)
+    bytes.header(1, parent).text(child).numbers(std::array{x, 0.0, 0.0}).numbers(std::array{0.0, 0.0, 0.0, 1.0});
+  return {"/tf_static", "tf2_msgs/msg/TFMessage", 1, bytes.done()};
+}
+
+TEST_F(Exchange, BagGivesLensesAndPoses) {
+  const auto bag = file("run.mcap", recordings::mcap_of({bag_picture("left"), bag_picture("right"),
+                                                         bag_info("left", "plumb_bob", {0.1, 0.2, 0.3, 0.4, 0.5}),
+                                                         bag_info("right", "equidistant", {0.1, 0.2, 0.3, 0.4}, 400),
+                                                         bag_tf({{"base", "mount", 1}, {"mount", "left_optical", 2}}),
+                                                         bag_tf({{"mount", "right_optical", 5}})}));
+  EXPECT_EQ(detect_format(bag), ExchangeFormat::ros);
+  const Imported imported = import(bag);
+  ASSERT_EQ(imported.rig.cameras.size(), 2u);
+  const calib::Camera &left = imported.rig.cameras[0], &right = imported.rig.cameras[1];
+  EXPECT_EQ(left.name, "left");
+  EXPECT_EQ(left.image_size, (calib::ImageSize{640, 480}));
+  EXPECT_EQ(left.model.fx(), 500);
+  EXPECT_EQ(right.model.name(), "fisheye_kb");
+  EXPECT_NEAR(left.centre().x(), 3, 1e-12);
+  EXPECT_NEAR(right.centre().x(), 6, 1e-12);
+  EXPECT_THAT(imported.notes, Contains(HasSubstr("the world is its frame base")));
+}
+
+TEST_F(Exchange, BagWithoutPosesNamesThem) {
+  const auto bag =
+      file("run.mcap", recordings::mcap_of({bag_picture("left"), bag_picture("right"), bag_picture("third"),
+                                            bag_info("left", "plumb_bob", {}), bag_info("right", "plumb_bob", {}),
+                                            bag_tf({{"a", "left_optical", 2}, {"b", "right_optical", 1}})}));
+  const auto error_of_import = [&](const ImportOptions& options) {
+    try {
+      import(bag, options);
+    } catch (const files::ConfigError& error) {
+      return std::string(error.what());
+    }
+    return std::string("no error");
+  };
+  EXPECT_THAT(error_of_import({}), AllOf(HasSubstr("run.mcap: has lenses, but no poses"), HasSubstr("--cameras NAME")));
+  EXPECT_EQ(error_of_import({.cameras = {"left"}}), "no error");
+  EXPECT_THAT(error_of_import({.cameras = {"third"}}),
+              HasSubstr("camera third has no CameraInfo beside /third/image_raw"));
+}
+
+TEST_F(Exchange, BagWithAnUncalibratedCameraSaysSo) {
+  const auto bag = file("run.mcap", recordings::mcap_of({bag_picture("cam"), bag_info("cam", "plumb_bob", {}, 0)}));
+  EXPECT_THAT([&] { import(bag); }, testing::ThrowsMessage<files::ConfigError>(
+                                        AllOf(HasSubstr("holds no lens of a camera"),
+                                              HasSubstr("not calibrated (K is 0)"), HasSubstr("intrinsics"))));
+  const auto odd = file("odd.mcap", recordings::mcap_of({bag_picture("cam"), bag_info("cam", "kannala", {1, 2})}));
+  EXPECT_THAT([&] { import(odd); },
+              testing::ThrowsMessage<files::ConfigError>(HasSubstr("distortion_model is \"kannala\"")));
 }
 
 }  // namespace

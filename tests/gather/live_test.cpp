@@ -67,6 +67,7 @@ class ShownPictures final : public capture::FrameSource {
         capture::make_image(capture::PixelFormat::grey, capture::ColorRange::full, picture.cols, picture.rows);
     std::memcpy(image.data[0], picture.data, picture.total());
     capture::Frame frame;
+    frame.camera = static_cast<int>(camera_);
     frame.sequence = static_cast<std::uint32_t>(at_);
     frame.captured_at = capture::Timestamp(capture::duration_of(0.1 * static_cast<double>(at_)));
     frame.pixels = image.image;

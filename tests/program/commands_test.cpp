@@ -438,6 +438,9 @@ TEST_F(Calibrate, ATruncatedVideo) {
       video.write(reinterpret_cast<const char*>(jpeg.data()), static_cast<std::streamsize>(jpeg.size()));
     }
   }
+  // Such files have no times of their own.
+  std::ofstream(folder_ / "videos/recording.yaml")
+      << "version: 1\ncameras:\n  cam0: {frames: cam0.mjpeg, fps: 10}\n  cam1: {frames: cam1.mjpeg, fps: 10}\n";
   const fs::path cut = path("videos/cam1.mjpeg");
   fs::resize_file(cut, fs::file_size(cut) * 8 / 10);
   const Ended result = extrinsics("videos");

@@ -31,6 +31,10 @@ struct FreePacket {
 struct FreeFrame {
   void operator()(AVFrame* p) const { av_frame_free(&p); }
 };
+struct CloseIo {
+  void operator()(AVIOContext* p) const { avio_closep(&p); }
+};
+using IoPtr = std::unique_ptr<AVIOContext, CloseIo>;
 using InputPtr = std::unique_ptr<AVFormatContext, CloseInput>;
 using OutputPtr = std::unique_ptr<AVFormatContext, CloseOutput>;
 using CodecPtr = std::unique_ptr<AVCodecContext, FreeCodec>;

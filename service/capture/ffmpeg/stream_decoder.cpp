@@ -31,10 +31,12 @@ void FreeFilter::operator()(AVBSFContext* p) const {
   av_bsf_free(&p);
 }
 
-int StreamDecoder::open(const AVStream& stream, const AVCodec& decoder, const DecoderOptions& options) {
+int StreamDecoder::open(const AVStream* stream, const AVCodec& decoder, const DecoderOptions& options) {
   codec_.reset(not_null(avcodec_alloc_context3(&decoder)));
-  if (const int e = avcodec_parameters_to_context(codec_.get(), stream.codecpar); e < 0) return e;
-  codec_->pkt_timebase = stream.time_base;
+  if (stream != nullptr) {
+    if (const int e = avcodec_parameters_to_context(codec_.get(), stream->codecpar); e < 0) return e;
+    codec_->pkt_timebase = stream->time_base;
+  }
   codec_->max_pixels = options.most_pixels;
   codec_->opaque = options.log;
   codec_->err_recognition = AV_EF_CRCCHECK;
@@ -48,12 +50,12 @@ int StreamDecoder::open(const AVStream& stream, const AVCodec& decoder, const De
   parser_.reset();
   remove_messages_.reset();
   unpaired_field_ = 0;
-  if (const char* units = message_units(decoder.id)) {
+  if (const char* units = message_units(decoder.id); units != nullptr && stream != nullptr) {
     parser_.reset(av_parser_init(decoder.id));
     headers_.reset(not_null(avcodec_alloc_context3(&decoder)));
-    if (const int e = avcodec_parameters_to_context(headers_.get(), stream.codecpar); e < 0) return e;
+    if (const int e = avcodec_parameters_to_context(headers_.get(), stream->codecpar); e < 0) return e;
     if (parser_) parser_->flags |= PARSER_FLAG_COMPLETE_FRAMES;
-    remove_messages_.reset(filter_without(units, stream));
+    remove_messages_.reset(filter_without(units, *stream));
   }
   return 0;
 }

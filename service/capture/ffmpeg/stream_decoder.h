@@ -25,8 +25,8 @@ struct DecoderOptions {
 // thread-compatible. No error concealment: invented pixels would be measured.
 class StreamDecoder {
  public:
-  // 0, or an AVERROR.
-  int open(const AVStream& stream, const AVCodec& decoder, const DecoderOptions& options);
+  // 0, or an AVERROR. stream: nullptr where packets say all that the decoder must know, as JPEGs do.
+  int open(const AVStream* stream, const AVCodec& decoder, const DecoderOptions& options);
   void close() { codec_.reset(); }
   bool is_open() const { return codec_ != nullptr; }
   const AVCodecContext& codec() const { return *codec_; }

@@ -1,0 +1,77 @@
+#include "recordings/picture_decoder.h"
+
+#include <algorithm>
+#include <string_view>
+#include <utility>
+
+namespace huetrack::recordings {
+namespace {
+
+constexpr std::int64_t most_decoded_pixels = 1 << 26;  // pixels
+
+// Names of kinds differ between programs; the first bytes do not.
+AVCodecID codec_of(std::span<const std::uint8_t> bytes) {
+  const std::string_view begin(reinterpret_cast<const char*>(bytes.data()), std::min<std::size_t>(bytes.size(), 16));
+  if (begin.starts_with("\xff\xd8")) return AV_CODEC_ID_MJPEG;
+  if (begin.starts_with("\x89PNG")) return AV_CODEC_ID_PNG;
+  if (begin.starts_with("RIFF") && begin.substr(8, 4) == "WEBP") return AV_CODEC_ID_WEBP;
+  if (begin.starts_with("II*") || begin.starts_with(std::string_view("MM\0*", 4))) return AV_CODEC_ID_TIFF;
+  return AV_CODEC_ID_NONE;
+}
+
+}  // namespace
+
+bool is_jpeg(std::span<const std::uint8_t> bytes) {
+  return codec_of(bytes) == AV_CODEC_ID_MJPEG;
+}
+
+PictureDecoder::PictureDecoder() {
+  capture::take_over_ffmpeg_log();
+}
+
+std::string PictureDecoder::take_problem() {
+  return std::exchange(problem_, {}) + log_.take();
+}
+
+std::optional<capture::Image> PictureDecoder::decode(std::span<const std::uint8_t> bytes) {
+  take_problem();
+  const AVCodecID id = codec_of(bytes);
+  if (id == AV_CODEC_ID_NONE) {
+    problem_ = "it is neither JPEG, PNG, WebP nor TIFF";
+    return std::nullopt;
+  }
+  if (id == AV_CODEC_ID_MJPEG) {
+    auto result = jpeg_.decode(bytes);
+    problem_ = result.problem;
+    if (!result.is_unsupported) return std::move(result.image);
+  }
+  return decode_by_ffmpeg(bytes, id);
+}
+
+std::optional<capture::Image> PictureDecoder::decode_by_ffmpeg(std::span<const std::uint8_t> bytes, AVCodecID id) {
+  const capture::FfmpegLogScope scope(log_);
+  problem_ = std::string("it is no ") + avcodec_get_name(id) + " that FFmpeg can decode";
+  capture::CodecPtr& codec = codecs_[id];
+  if (!codec) {
+    const AVCodec* decoder = avcodec_find_decoder(id);
+    if (decoder == nullptr) return std::nullopt;
+    codec.reset(capture::not_null(avcodec_alloc_context3(decoder)));
+    codec->max_pixels = most_decoded_pixels;
+    codec->opaque = &log_;
+    codec->err_recognition = AV_EF_CRCCHECK | AV_EF_EXPLODE;  // no error concealment: invented pixels would be measured
+    if (avcodec_open2(codec.get(), decoder, nullptr) < 0) {
+      codec.reset();
+      return std::nullopt;
+    }
+  }
+  const capture::PacketPtr packet(capture::not_null(av_packet_alloc()));
+  if (av_new_packet(packet.get(), static_cast<int>(bytes.size())) < 0) return std::nullopt;
+  std::ranges::copy(bytes, packet->data);
+  packet->flags |= AV_PKT_FLAG_KEY;  // FFmpeg's PNG decoder supports predicted pictures
+  capture::FramePtr frame(capture::not_null(av_frame_alloc()));
+  if (avcodec_send_packet(codec.get(), packet.get()) < 0) return std::nullopt;
+  if (avcodec_receive_frame(codec.get(), frame.get()) < 0) return std::nullopt;
+  return pictures_.image_of(std::move(frame), id);
+}
+
+}  // namespace huetrack::recordings

@@ -1,0 +1,42 @@
+// Decodes pictures that are whole by themselves: JPEG, PNG, WebP, TIFF. Private to this module.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <span>
+#include <string>
+
+#include "capture/ffmpeg/ffmpeg_log.h"
+#include "capture/ffmpeg/ffmpeg_objects.h"
+#include "capture/ffmpeg/ffmpeg_picture.h"
+#include "capture/frames/jpeg_decoder.h"
+
+namespace huetrack::recordings {
+
+// By the first bytes.
+bool is_jpeg(std::span<const std::uint8_t> bytes);
+
+// thread-compatible.
+class PictureDecoder {
+ public:
+  PictureDecoder();
+  // JPEG with the live cameras' decoder, for the same pixels. nullopt: damaged, or of no known kind: see take_problem()
+  std::optional<capture::Image> decode(std::span<const std::uint8_t> bytes);
+  // FFmpeg's picture as an Image. nullopt: it cannot be converted
+  std::optional<capture::Image> image_of(capture::FramePtr frame) {
+    return pictures_.image_of(std::move(frame), AV_CODEC_ID_RAWVIDEO);
+  }
+  std::string take_problem();  // why the last picture has no image
+
+ private:
+  std::optional<capture::Image> decode_by_ffmpeg(std::span<const std::uint8_t> bytes, AVCodecID id);
+
+  capture::FfmpegLog log_;
+  capture::JpegDecoder jpeg_;
+  std::map<AVCodecID, capture::CodecPtr> codecs_;
+  capture::PictureMaker pictures_;
+  std::string problem_;
+};
+
+}  // namespace huetrack::recordings

@@ -1,0 +1,31 @@
+// One camera's recorded pictures, whatever they are stored in. Private to this module.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "capture/frames/frame.h"
+
+namespace huetrack::recordings {
+
+struct Shown {
+  std::int64_t index = 0;                                      // in the stream; lost pictures count
+  std::optional<capture::Timestamp> stamp;                     // the container's presentation time, if any
+  capture::Image image;                                        // width 0: it does not decode
+  std::shared_ptr<const std::vector<std::uint8_t>> jpeg = {};  // the file's JPEG bytes, if requested
+  std::shared_ptr<const capture::Matches> matches = {};  // from a file of matches (matches_reader.h); no planes then
+};
+
+// thread-compatible.
+class PictureStream {
+ public:
+  virtual ~PictureStream() = default;
+  virtual std::optional<Shown> next() = 0;  // the next selected picture; nullopt at the end. Never throws.
+  // Of the whole stream, as declared by the file: may be wrong. nullopt: unknown
+  virtual std::optional<std::int64_t> frame_count() const { return std::nullopt; }
+  virtual capture::Duration frame_period() const { return capture::Duration::zero(); }  // usual; 0 when unknown
+};
+
+}  // namespace huetrack::recordings

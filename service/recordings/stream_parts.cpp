@@ -1,0 +1,134 @@
+#include "recordings/stream_parts.h"
+
+#include <fmt/format.h>
+#include <glob.h>
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <cmath>
+#include <fstream>
+#include <optional>
+#include <string_view>
+#include <utility>
+
+#include "calib/files/config_error.h"
+#include "capture/ffmpeg/ffmpeg_log.h"
+#include "capture/ffmpeg/ffmpeg_objects.h"
+#include "recordings/recording.h"
+
+namespace huetrack::recordings {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Between two parts of one film; takes begin anew, or later. Sound ends a little later than the picture.
+constexpr double longest_break_s = 1, longest_overlap_s = 0.2;
+
+bool is_transport_stream(const fs::path& file) {
+  std::string ending = file.extension().string();
+  std::ranges::transform(ending, ending.begin(), [](unsigned char c) { return std::tolower(c); });
+  static constexpr std::array endings{".mts", ".m2ts", ".m2t", ".ts"};
+  std::error_code error;
+  return std::ranges::find(endings, ending) != endings.end() && fs::is_regular_file(file, error);
+}
+
+// 2 before 10, 00002 as 2.
+std::pair<std::size_t, std::string> by_number(const fs::path& file) {
+  std::string digits = file.stem().string();
+  digits.erase(0, digits.find_last_not_of("0123456789") + 1);  // npos + 1: 0
+  digits.erase(0, std::min(digits.find_first_not_of('0'), digits.size()));
+  return {digits.size(), digits};
+}
+
+struct TimeSpan {
+  double from_s = 0, to_s = 0;
+};
+
+// By the container; nullopt: it does not say, which its reader will report.
+std::optional<TimeSpan> time_span_of(const fs::path& part) {
+  capture::FfmpegLog log;
+  const capture::FfmpegLogScope scope(log);
+  AVDictionary* options = nullptr;
+  av_dict_set(&options, "protocol_whitelist", "file", 0);
+  av_dict_set(&options, "format_whitelist", "mpegts", 0);
+  AVFormatContext* opened = nullptr;
+  const int error = avformat_open_input(&opened, ("file:" + part.string()).c_str(), nullptr, &options);
+  av_dict_free(&options);
+  if (error < 0) return std::nullopt;
+  const capture::InputPtr format(opened);
+  if (avformat_find_stream_info(opened, nullptr) < 0 || opened->start_time == AV_NOPTS_VALUE || opened->duration <= 0)
+    return std::nullopt;
+  const double from = static_cast<double>(opened->start_time) / AV_TIME_BASE;
+  return TimeSpan{from, from + static_cast<double>(opened->duration) / AV_TIME_BASE};
+}
+
+}  // namespace
+
+std::vector<fs::path> stream_parts(const fs::path& frames) {
+  std::vector<fs::path> parts;
+  std::error_code error;
+  if (fs::is_directory(frames, error)) {
+    for (const auto& entry : fs::directory_iterator(frames, error))
+      if (is_transport_stream(entry.path())) parts.push_back(entry.path());
+  } else if (frames.string().find_first_of("*?[") != std::string::npos) {
+    glob_t found{};
+    if (::glob(frames.c_str(), 0, nullptr, &found) == 0) parts.assign(found.gl_pathv, found.gl_pathv + found.gl_pathc);
+    ::globfree(&found);
+    if (!std::ranges::all_of(parts, is_transport_stream)) return {};
+  }
+  std::ranges::sort(parts, {}, by_number);
+  capture::take_over_ffmpeg_log();
+  std::optional<TimeSpan> before;
+  for (std::size_t i = 0; i < parts.size() && parts.size() > 1; ++i) {
+    const auto span = time_span_of(parts[i]);
+    if (span && before &&
+        (span->from_s > before->to_s + longest_break_s || span->from_s < before->to_s - longest_overlap_s))
+      throw files::ConfigError(
+          parts[i], 0,
+          fmt::format("begins at {:.1f} s by its time stamps, and {} ends at {:.1f} s: these are several "
+                      "takes, not the parts of one; put the parts of one take into a folder of their own",
+                      span->from_s, parts[i - 1].filename().string(), before->to_s));
+    before = span;
+  }
+  return parts;
+}
+
+bool is_split_film(const fs::path& folder) {
+  std::error_code error;
+  if (!fs::is_directory(folder, error)) return false;
+  const fs::directory_iterator entries(folder, error);
+  return std::ranges::any_of(entries, [](const auto& entry) { return is_transport_stream(entry.path()); });
+}
+
+std::string ffmpeg_address(const std::vector<fs::path>& parts) {
+  if (parts.size() == 1) return "file:" + parts.front().string();
+  std::string address = "concat:";
+  for (const fs::path& part : parts) {
+    if (part.string().find('|') != std::string::npos)
+      throw files::ConfigError(part, 0, "has a | in its name, which FFmpeg cannot read among several files: rename it");
+    address += (address.ends_with(':') ? "file:" : "|file:") + part.string();
+  }
+  return address;
+}
+
+std::string advice_to_convert(const fs::path& file) {
+  std::error_code error;
+  if (!fs::is_regular_file(file, error)) return {};
+  std::array<char, 12> bytes{};
+  std::ifstream(file, std::ios::binary).read(bytes.data(), bytes.size());
+  const std::string_view head(bytes.data(), bytes.size());
+  if (head.substr(4, 4) != "ftyp") return {};
+  const std::string_view brand = head.substr(8, 4);
+  const std::string stem = file.stem().string();
+  if (brand == "avif" || brand == "avis")
+    return "is an AVIF picture, which is not read: convert it, with `heif-convert -q 98 " + file.filename().string() +
+           " " + stem + ".jpg` (Debian package libheif-examples)";
+  if (brand == "heic" || brand == "heix" || brand == "hevc" || brand == "heim" || brand == "mif1" || brand == "msf1")
+    return "is a HEIC picture, as phones take them, which is not read: convert it, with `heif-convert -q 98 " +
+           file.filename().string() + " " + stem +
+           ".jpg` (Debian package libheif-examples), or let the phone store JPEG";
+  return {};
+}
+
+}  // namespace huetrack::recordings

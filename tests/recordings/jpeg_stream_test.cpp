@@ -1,0 +1,139 @@
+// Files of JPEGs one after the other, films in several files, and pictures that must be converted.
+#include <gmock/gmock.h>
+
+#include "calib/files/config_error.h"
+#include "capture/clips.h"
+#include "capture/frames/jpeg_encoder.h"
+#include "recordings/recording.h"
+#include "recordings/replay_source.h"
+
+namespace huetrack::recordings {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+std::string grey_jpeg(int k) {
+  const auto flat = capture::make_image(capture::PixelFormat::grey, capture::ColorRange::full, 64, 48);
+  std::fill_n(flat.data[0], 64 * 48, static_cast<std::uint8_t>(capture::level_of_frame(k)));
+  const auto bytes = capture::encode_picture(flat.image, {64, 48}, 95);
+  return {bytes.begin(), bytes.end()};
+}
+
+class FilesOfCameras : public testing::Test {
+ protected:
+  struct Played {
+    std::vector<int> shown;
+    std::vector<std::string> warnings;
+    std::vector<capture::Timestamp> at;
+  };
+  Played play(const std::string& camera) {
+    capture::write_text(folder / "recording.yaml", "version: 1\ncameras:\n  cam: {" + camera + "}\n");
+    ReplaySource source(read_recording(folder), std::vector<std::string>{"cam"});
+    Played played;
+    while (const auto frame = source.next({})) {
+      const bool is_ok = frame->status == capture::FrameStatus::ok;
+      played.shown.push_back(is_ok ? capture::frame_shown_by(frame->pixels) : -1);
+      played.at.push_back(frame->captured_at);
+    }
+    played.warnings = source.take_warnings();
+    return played;
+  }
+  std::string error_of(const std::string& camera) {
+    try {
+      play(camera);
+    } catch (const files::ConfigError& error) {
+      return error.what();
+    }
+    return "(accepted)";
+  }
+
+  const capture::TemporaryFolder temporary;
+  const std::filesystem::path folder = temporary.path();
+};
+
+TEST_F(FilesOfCameras, JpegsOneAfterTheOther) {
+  std::string plain, saved;
+  for (int k = 0; k < 5; ++k) {
+    plain += grey_jpeg(k);
+    saved += "--myboundary\r\nContent-Type: image/jpeg\r\nContent-Length: " + std::to_string(grey_jpeg(k).size()) +
+             "\r\n\r\n" + grey_jpeg(k) + "\r\n";
+  }
+  capture::write_text(folder / "plain.mjpeg", plain);
+  capture::write_text(folder / "saved.MJPG", saved);
+  capture::write_text(folder / "cut.mjpeg", plain.substr(0, plain.size() - 100));
+  for (const std::string name : {"plain.mjpeg", "saved.MJPG"}) {
+    const Played played = play("frames: " + name + ", fps: 10");
+    EXPECT_THAT(played.shown, ElementsAre(0, 1, 2, 3, 4));
+    EXPECT_EQ(played.at.back(), capture::Timestamp(400ms));
+    EXPECT_THAT(played.warnings, IsEmpty());
+    // Such files have no times, and nothing invents them.
+    EXPECT_THAT(error_of("frames: " + name),
+                AllOf(HasSubstr("has no time stamps"), HasSubstr("give fps or timestamps")));
+  }
+  const Played cut = play("frames: cut.mjpeg, fps: 10");
+  EXPECT_THAT(cut.shown, ElementsAre(0, 1, 2, 3, -1));
+  EXPECT_THAT(cut.warnings, ElementsAre(HasSubstr("frame 4 and perhaps others do not decode")));
+}
+
+TEST_F(FilesOfCameras, OneJpegIsAPicture) {
+  capture::write_text(folder / "one.jpg", grey_jpeg(3));
+  EXPECT_THAT(play("frames: one.jpg, fps: 1").shown, ElementsAre(3));
+  // A phone's second picture (a depth or a gain map) inside the file is not a film's.
+  std::string jpeg = grey_jpeg(3);
+  jpeg.insert(2, std::string("\xff\xe2\0\x08MPF\0ab", 10));
+  capture::write_text(folder / "phone.jpg", jpeg + grey_jpeg(1));
+  EXPECT_THAT(play("frames: phone.jpg, fps: 1").shown, ElementsAre(3));
+}
+
+// A transport stream of 24 frames in three files, cut where its packets end.
+class CamcorderFolder : public FilesOfCameras {
+ protected:
+  void SetUp() override {
+    capture::write_clip(folder / "whole.ts",
+                        {.codec = "mpeg2video", .format = AV_PIX_FMT_YUV420P, .frames = 24, .key_frame_every = 12});
+    bytes = capture::read_bytes(folder / "whole.ts");
+    ASSERT_EQ(bytes.size() % 188, 0u);
+    std::filesystem::create_directory(folder / "STREAM");
+    const std::size_t third = bytes.size() / 188 / 3 * 188;
+    capture::write_text(folder / "STREAM" / "00009.MTS", bytes.substr(0, third));
+    capture::write_text(folder / "STREAM" / "00010.mts", bytes.substr(third, third));
+    capture::write_text(folder / "STREAM" / "00011.MTS", bytes.substr(2 * third));
+    capture::write_text(folder / "STREAM" / "INDEX.BDM", "x");
+  }
+  std::string bytes;
+};
+
+TEST_F(CamcorderFolder, IsOneFilm) {
+  const Played whole = play("frames: whole.ts");
+  ASSERT_EQ(whole.shown.size(), 24u);
+  for (const std::string frames : {"STREAM", "STREAM/*.[Mm][Tt][Ss]"}) {
+    const Played parts = play("frames: '" + frames + "'");
+    EXPECT_EQ(parts.shown, whole.shown);
+    EXPECT_EQ(parts.at, whole.at);
+    EXPECT_EQ(parts.warnings, whole.warnings);
+  }
+}
+
+TEST_F(CamcorderFolder, SeveralTakesAreNoFilm) {
+  capture::write_text(folder / "STREAM" / "00010.mts", bytes);
+  EXPECT_THAT(error_of("frames: STREAM"),
+              AllOf(HasSubstr("00010.mts"), HasSubstr("several takes, not the parts of one")));
+}
+
+TEST_F(FilesOfCameras, NamesPicturesThatMustBeConverted) {
+  capture::write_text(folder / "IMG_1.HEIC", std::string("\0\0\0\x18"
+                                                         "ftypheic\0\0\0\0mif1heic",
+                                                         24) +
+                                                 std::string(500, 'x'));
+  EXPECT_THAT(error_of("frames: IMG_1.HEIC"),
+              AllOf(HasSubstr("IMG_1.HEIC: is a HEIC picture"), HasSubstr("`heif-convert -q 98 IMG_1.HEIC IMG_1.jpg`"),
+                    HasSubstr("camera cam")));
+  EXPECT_THAT(error_of("frames: '*.HEIC'"), HasSubstr("heif-convert"));
+}
+
+}  // namespace
+}  // namespace huetrack::recordings
