@@ -8,7 +8,7 @@ packages_demo="g++ cmake ninja-build pkg-config
   libavformat-dev libavcodec-dev libavutil-dev libswscale-dev libjpeg62-turbo-dev
   libfastrtps-dev libssl-dev fastddsgen default-jre-headless"
 # everything: huetrack-calibrate, too, and the page, which is built with node and npm: whichever are there, else Debian's
-packages_build="$packages_demo libceres-dev libtomlplusplus-dev"
+packages_build="$packages_demo libceres-dev libtomlplusplus-dev libtinyxml2-dev"
 command -v npm >/dev/null || packages_build="$packages_build nodejs npm"
 packages_test="chromium libgtest-dev libgmock-dev cyclonedds-dev cyclonedds-tools poppler-utils clang-format-14 python3 openssl
   python3-numpy python3-scipy python3-yaml python3-opencv python3-pil ffmpeg"   # the last line: tests/oracle and the scenes that it makes

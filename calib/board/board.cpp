@@ -15,7 +15,10 @@ namespace {
 
 // The square (column, row) of the index-th marker.
 std::array<int, 2> marker_square(const Board& board, int index) {
-  if (board.type == BoardType::aruco_grid) return {index % board.columns, index / board.columns};
+  if (board.type == BoardType::aruco_grid) {
+    const int row = index / board.columns;  // of the bottom left corner's origin: -1, -2, ...
+    return {index % board.columns, board.from_bottom ? -1 - row : row};
+  }
   for (int row = 0; row < board.rows; ++row) {
     for (int column = 0; column < board.columns; ++column) {
       if (board.is_marker_square(column, row) && index-- == 0) return {column, row};
@@ -28,6 +31,23 @@ std::string millimetres(double metres) {
   return fmt::format("{:.4g} mm", 1000 * metres);
 }
 
+// What a turn by quarters about the middle does to the ids; empty: it changes the look.
+std::vector<int> turned(const Board& board, int quarters) {
+  const int count = board.side_point_count();
+  Eigen::Vector3d low = board.point(0), high = low;
+  for (int id = 1; id < count; ++id) low = low.cwiseMin(board.point(id)), high = high.cwiseMax(board.point(id));
+  const Eigen::Vector3d middle = (low + high) / 2;
+  std::vector<int> ids;
+  for (int id = 0; id < count; ++id) {
+    Eigen::Vector3d p = board.point(id) - middle;
+    for (int q = 0; q < quarters; ++q) p = Eigen::Vector3d(-p.y(), p.x(), 0);
+    for (int other = 0; other < count; ++other) {
+      if ((board.point(other) - middle - p).norm() < 0.01 * board.pitch.minCoeff()) ids.push_back(other);
+    }
+  }
+  return ids.size() == static_cast<std::size_t>(count) ? ids : std::vector<int>();
+}
+
 }  // namespace
 
 void sort_corners(std::vector<int>& ids, std::vector<Eigen::Vector2d>& px) {
@@ -38,11 +58,11 @@ void sort_corners(std::vector<int>& ids, std::vector<Eigen::Vector2d>& px) {
 }
 
 int Board::corner_columns() const {
-  return type == BoardType::chessboard ? columns : type == BoardType::charuco ? columns - 1 : 0;
+  return type == BoardType::aruco_grid ? 0 : type == BoardType::charuco ? columns - 1 : columns;
 }
 
 int Board::corner_rows() const {
-  return type == BoardType::chessboard ? rows : type == BoardType::charuco ? rows - 1 : 0;
+  return type == BoardType::aruco_grid ? 0 : type == BoardType::charuco ? rows - 1 : rows;
 }
 
 int Board::side_point_count() const {
@@ -54,7 +74,7 @@ int Board::point_count() const {
 }
 
 int Board::marker_count() const {
-  if (type == BoardType::chessboard) return 0;
+  if (!has_markers()) return 0;
   if (type == BoardType::aruco_grid) return columns * rows;
   return (columns * rows + (is_marker_square(0, 0) ? 1 : 0)) / 2;
 }
@@ -72,12 +92,13 @@ Eigen::Vector3d Board::point(int id) const {
   }
   if (type == BoardType::aruco_grid) return marker_corners(id / 4)[static_cast<std::size_t>(id % 4)];
   const int column = id % corner_columns(), row = id / corner_columns();
-  return {pitch.x() * column, pitch.y() * row, 0};
+  return {pitch.x() * (type == BoardType::asymmetric_circles ? 2 * column + row % 2 : column), pitch.y() * row, 0};
 }
 
 std::vector<Eigen::Vector3d> Board::marker_corners(int index) const {
   const auto [column, row] = marker_square(*this, index);
   Eigen::Vector3d origin(column * pitch.x(), row * pitch.y(), 0);
+  if (from_bottom) origin.y() += pitch.y() - marker;
   if (type == BoardType::charuco) {  // centred in its square; the origin, corner 0, is one square further in
     origin += Eigen::Vector3d((pitch.x() - marker) / 2 - pitch.x(), (pitch.y() - marker) / 2 - pitch.y(), 0);
   }
@@ -115,6 +136,11 @@ std::vector<std::vector<int>> Board::symmetries() const {
   std::vector<int> identity(static_cast<std::size_t>(point_count()));
   std::iota(identity.begin(), identity.end(), 0);
   std::vector<std::vector<int>> all{identity};
+  if (has_circles()) {
+    for (int quarters = 1; quarters < 4; ++quarters) {
+      if (std::vector<int> ids = turned(*this, quarters); !ids.empty()) all.push_back(std::move(ids));
+    }
+  }
   if (type != BoardType::chessboard) return all;
   const int side = side_point_count();
   // Transposing, reversing the columns, reversing the rows: each mirrors the board; two together rotate it.
@@ -142,10 +168,14 @@ std::vector<std::vector<int>> Board::symmetries() const {
 std::string Board::description() const {
   std::string text = (inverted ? "inverted " : "") + std::string(name(type)) + " " + std::to_string(columns) + "x" +
                      std::to_string(rows);
-  text += type == BoardType::chessboard ? " inner corners" : type == BoardType::charuco ? " squares" : " markers";
+  text += type == BoardType::chessboard ? " inner corners" : type == BoardType::charuco ? " squares" : "";
+  text += type == BoardType::aruco_grid ? " markers" : "";
   text += ", pitch " + millimetres(pitch.x());
   if (pitch.x() != pitch.y()) text += " x " + millimetres(pitch.y());
-  if (type != BoardType::chessboard) text += ", markers of " + millimetres(marker) + " from " + dictionary;
+  if (has_markers()) text += ", markers of " + millimetres(marker) + " from " + dictionary;
+  if (diameter > 0) text += ", diameter " + millimetres(diameter);
+  if (border_bits != 1) text += ", with a border of " + std::to_string(border_bits) + " bits";
+  if (from_bottom) text += ", numbered from the bottom";
   if (legacy) text += ", legacy layout";
   if (back) text += ", printed on both sides, " + millimetres(back->thickness) + " apart";
   return text;
@@ -159,21 +189,32 @@ std::vector<std::string> Board::problems() const {
   if (type == BoardType::charuco && (columns < 3 || rows < 3)) {
     problems.emplace_back("a charuco board has at least 3 x 3 squares");
   }
+  if (has_circles() && (columns < 3 || rows < 3)) {
+    problems.emplace_back("a grid of circles has at least 3 x 3 circles");
+  }
   if (columns < 1 || rows < 1 || columns > 100 || rows > 100) {
     problems.emplace_back("a board has 1 to 100 columns and rows");
     return problems;
   }
   const auto is_length = [](double m) { return std::isfinite(m) && m > 0 && m < 10; };
   if (!is_length(pitch.x()) || !is_length(pitch.y())) {
-    problems.emplace_back("the squares must be larger than 0 and smaller than 10 m (lengths are in metres)");
+    problems.emplace_back("the squares (pitch) must be larger than 0 and smaller than 10 m (lengths are in metres)");
   }
   if (back && !(std::isfinite(back->thickness) && back->thickness >= 0 && back->thickness < 1)) {
     problems.emplace_back("the back's thickness must be 0 or larger and less than 1 m (lengths are in metres)");
+  }
+  if (has_circles()) {
+    if (back) problems.emplace_back("a grid of circles has no back: calibrate with its front");
+    const double nearest = pitch.minCoeff() * (type == BoardType::circles ? 1 : std::sqrt(2));
+    if (diameter < 0 || diameter >= nearest)
+      problems.emplace_back("diameter, of a circle in metres, must be smaller than the distance between circles");
+    return problems;
   }
   if (type == BoardType::chessboard) {
     if (back && back->first_marker) problems.emplace_back("a chessboard's back has no markers");
     return problems;
   }
+  if (border_bits < 1 || border_bits > 4) problems.emplace_back("border_bits must be 1 to 4");
   const double room = pitch.minCoeff();
   if (!is_length(marker)) {
     problems.emplace_back("marker, its side in metres, must be larger than 0");
@@ -203,8 +244,8 @@ std::vector<std::string> Board::problems() const {
 }
 
 std::string_view name(BoardType type) {
-  static constexpr std::string_view names[] = {"chessboard", "charuco", "aruco_grid"};
-  static_assert(std::size(names) == std::size_t(BoardType::aruco_grid) + 1);
+  static constexpr std::string_view names[] = {"chessboard", "charuco", "aruco_grid", "circles", "asymmetric_circles"};
+  static_assert(std::size(names) == std::size_t(BoardType::asymmetric_circles) + 1);
   return names[std::size_t(type)];
 }
 

@@ -5,7 +5,11 @@
 //   A chessboard's corner 0 lies beside a black corner square (a white one when `inverted`). If that is
 //   ambiguous (the usual mistake in multi-camera calibration), one image alone cannot resolve it: see symmetries().
 // - aruco_grid: the points are the markers' corners, 4 * marker + (0..3), clockwise from its top left one; markers are
-//   numbered row by row; the top left corner of marker 0 is the origin.
+//   numbered row by row; the top left corner of marker 0 is the origin. from_bottom: the rows are numbered from the
+//   bottom, and the bottom left corner of marker 0 is the origin (Kalibr's AprilGrid; y is negative on the board).
+// - circles, asymmetric_circles: the points are the circles' centres, row by row; circle 0 is the origin. Rows of the
+//   asymmetric grid are `pitch` apart, its circles two pitches; every second row is shifted by one pitch (OpenCV's).
+//   Detected is the centre of a circle's image, which is not the image of its centre: the solver models the difference.
 // The points of a back (BoardBack) follow those of the front, in the same number and frame.
 #pragma once
 
@@ -17,7 +21,7 @@
 
 namespace huetrack::board {
 
-enum class BoardType { chessboard, charuco, aruco_grid };
+enum class BoardType { chessboard, charuco, aruco_grid, circles, asymmetric_circles };
 
 // A print on the back of the sheet, with the same squares and outline as the front.
 struct BoardBack {
@@ -34,24 +38,29 @@ void sort_corners(std::vector<int>& ids, std::vector<Eigen::Vector2d>& px);
 
 struct Board {
   BoardType type = BoardType::chessboard;
-  int columns = 9;                         // chessboard: inner corners; charuco: squares; aruco_grid: markers
+  int columns = 9;                         // chessboard: inner corners; charuco: squares; else: markers or circles
   int rows = 6;                            // same unit
   Eigen::Vector2d pitch{0.03, 0.03};       // > 0; metres from one column (row) to the next
   double marker = 0;                       // side of a marker, metres; charuco: < pitch; aruco_grid: <= pitch
+  double diameter = 0;                     // of a circle, metres; 0: unknown
   std::string dictionary = "DICT_4X4_50";  // OpenCV's name; charuco, aruco_grid
   int first_marker = 0;                    // >= 0; the markers are first_marker, first_marker + 1, ... row by row
   bool inverted = false;                   // black and white are swapped, markers too
   // charuco with an even number of rows as drawn by OpenCV before 4.6: the top left square has a marker
   bool legacy = false;
+  int border_bits = 1;       // >= 1; charuco, aruco_grid: width of a marker's black border, in its bits
+  bool from_bottom = false;  // aruco_grid
   std::optional<BoardBack> back{};
 
   bool operator==(const Board&) const = default;
 
-  int corner_columns() const;  // of inner corners; 0 for aruco_grid
+  bool has_markers() const { return type == BoardType::charuco || type == BoardType::aruco_grid; }
+  bool has_circles() const { return type == BoardType::circles || type == BoardType::asymmetric_circles; }
+  int corner_columns() const;  // of inner corners or circles; 0 for aruco_grid
   int corner_rows() const;
   int side_point_count() const;                      // of one side
   int point_count() const;                           // of all sides
-  int marker_count() const;                          // 0 for a chessboard
+  int marker_count() const;                          // 0 without markers
   bool is_marker_square(int column, int row) const;  // charuco: white, with a marker
   Eigen::Vector3d point(int id) const;               // in the board frame; z = 0; on the back: thickness
   // The four corners of marker `index` (0 .. marker_count() - 1), clockwise from its own top left one.
@@ -63,8 +72,8 @@ struct Board {
   // The board's point that is point `id` of back_alone().
   int id_of_back(int id) const;
 
-  // Permutations of the point ids that leave the board's look unchanged, the identity first. Only chessboards have more
-  // than one: two (turned by half), or four (square, both counts even); and with a back whose mirror image is the same
+  // Permutations of the point ids that leave the board's look unchanged, the identity first. Boards with markers have
+  // no other. Chessboards and circles: turned by half, or by quarters; and with a back whose mirror image is the same
   // chessboard, those that exchange the sides.
   std::vector<std::vector<int>> symmetries() const;
 
@@ -72,7 +81,7 @@ struct Board {
   std::vector<std::string> problems() const;  // empty when valid; one sentence per violated constraint
 };
 
-std::string_view name(BoardType type);  // "chessboard", "charuco", "aruco_grid"
+std::string_view name(BoardType type);  // "chessboard", "charuco", "aruco_grid", ...
 
 // OpenCV's predefined dictionaries by name ("DICT_4X4_50", ..., "DICT_APRILTAG_36h11").
 struct MarkerDictionary {

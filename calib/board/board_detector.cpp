@@ -6,15 +6,16 @@
 #include <cmath>
 #include <limits>
 #include <map>
-#include <opencv2/aruco.hpp>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 #include <utility>
 
 #include "calib/board/chessboard_lattice.h"
+#include "calib/board/circle_grid.h"
 #include "calib/board/corner_refinement.h"
 #include "calib/board/grey_view.h"
+#include "calib/board/markers.h"
 #include "calib/model/median.h"
 
 namespace huetrack::board {
@@ -22,12 +23,6 @@ namespace {
 
 using Eigen::Vector2d;
 using Cell = std::pair<int, int>;
-
-cv::Mat mat_of(const GreyPixels& image) {
-  // OpenCV has no read-only Mat; it is not written to.
-  return cv::Mat(image.height, image.width, CV_8UC1, const_cast<std::uint8_t*>(image.data),
-                 static_cast<std::size_t>(image.stride));
-}
 
 // A reason that keeps any detector from working; empty: none.
 std::string trouble_of(const cv::Mat& grey) {
@@ -219,70 +214,6 @@ PlacementChoice place(const ChessboardLattice& lattice, const Board& board, cv::
   return {best.placement, {}};
 }
 
-using MarkerCorners = std::vector<cv::Point2f>;
-
-cv::Mat upright_colours(const cv::Mat& image, bool inverted) {
-  return inverted ? cv::Mat(255 - image) : image;
-}
-
-std::map<int, MarkerCorners> find_markers(const cv::Mat& image, int dictionary) {
-  std::map<int, MarkerCorners> found;
-  const auto parameters = cv::aruco::DetectorParameters::create();
-  parameters->adaptiveThreshWinSizeMax = 43;
-  parameters->minMarkerPerimeterRate = 0.015;
-  const auto markers = cv::aruco::getPredefinedDictionary(dictionary);
-  for (const double scale : {1.0, 2.0}) {  // enlarged: for markers with bits of a few pixels
-    if (scale > 1 && static_cast<double>(image.total()) * scale * scale > 4e6) break;
-    cv::Mat scaled = image;
-    if (scale > 1) cv::resize(image, scaled, {}, scale, scale, cv::INTER_CUBIC);
-    std::vector<MarkerCorners> corners;
-    std::vector<int> ids;
-    cv::aruco::detectMarkers(scaled, markers, corners, ids, parameters);
-    for (std::size_t k = 0; k < ids.size(); ++k) {
-      if (found.contains(ids[k])) continue;
-      // The window must reach neither the code's cells nor the next marker.
-      double side = cv::norm(corners[k][3] - corners[k][0]);
-      for (std::size_t c = 0; c < 3; ++c) side = std::min(side, cv::norm(corners[k][c + 1] - corners[k][c]));
-      const int window = std::clamp(static_cast<int>(0.09 * side), 1, 6);
-      const MarkerCorners rough = corners[k];
-      cv::cornerSubPix(scaled, corners[k], {window, window}, {-1, -1},
-                       {cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 40, 0.005});
-      for (std::size_t c = 0; c < 4; ++c) {
-        if (cv::norm(corners[k][c] - rough[c]) > window + 1) corners[k][c] = rough[c];
-      }
-      for (cv::Point2f& p : corners[k]) {
-        p.x = static_cast<float>((static_cast<double>(p.x) + 0.5) / scale - 0.5);
-        p.y = static_cast<float>((static_cast<double>(p.y) + 0.5) / scale - 0.5);
-      }
-      found[ids[k]] = corners[k];
-    }
-  }
-  return found;
-}
-
-// Removes markers that do not lie where the others predict them: codes found by chance.
-void drop_strays(std::map<int, MarkerCorners>& markers, const Board& board) {
-  if (markers.size() < 2) return;
-  std::vector<cv::Point2d> from, to;
-  double side = 0;
-  for (const auto& [id, corners] : markers) {
-    const auto on_board = board.marker_corners(id - board.first_marker);
-    for (std::size_t k = 0; k < 4; ++k) {
-      from.emplace_back(on_board[k].x(), on_board[k].y());
-      to.emplace_back(corners[k]);
-    }
-    side = std::max(side, cv::norm(corners[0] - corners[2]));
-  }
-  std::vector<unsigned char> inlier;
-  if (cv::findHomography(from, to, cv::RANSAC, 0.2 * side, inlier).empty()) return;
-  std::size_t k = 0;
-  std::erase_if(markers, [&](const auto&) {
-    const bool all = inlier[k] && inlier[k + 1] && inlier[k + 2] && inlier[k + 3];
-    k += 4;
-    return !all;
-  });
-}
-
 // Corners before the removal of outliers.
 struct FoundCorners {
   std::vector<int> ids;
@@ -341,7 +272,7 @@ BoardDetection without_odd_ones(const FoundCorners& found, int columns) {
 }
 
 // Measures the markers relative to the squares, and in the image; unknown if there are too few.
-void measure_markers(const Board& board, const std::map<int, MarkerCorners>& markers, BoardDetection& found) {
+void measure_markers(const Board& board, const Markers& markers, BoardDetection& found) {
   constexpr std::size_t enough = 8;  // for a homography that is robust to small lens distortion
   if (found.ids.size() < enough) return;
   std::vector<cv::Point2d> from, to;
@@ -365,7 +296,7 @@ void measure_markers(const Board& board, const std::map<int, MarkerCorners>& mar
   found.marker_px = calib::median(std::move(sides_px));
 }
 
-BoardDetection corners_of_markers(const std::map<int, MarkerCorners>& markers, const Board& board) {
+BoardDetection corners_of_markers(const Markers& markers, const Board& board) {
   BoardDetection found;
   for (const auto& [id, corners] : markers) {
     for (int k = 0; k < 4; ++k) {
@@ -378,8 +309,7 @@ BoardDetection corners_of_markers(const std::map<int, MarkerCorners>& markers, c
 }
 
 // Homography from board to pixels by the four markers nearest to a point.
-std::optional<cv::Matx33d> pixels_around(const Eigen::Vector3d& point, const std::map<int, MarkerCorners>& markers,
-                                         const Board& board) {
+std::optional<cv::Matx33d> pixels_around(const Eigen::Vector3d& point, const Markers& markers, const Board& board) {
   std::vector<std::pair<double, int>> nearest;
   for (const auto& [marker, px] : markers) {
     const auto on_board = board.marker_corners(marker - board.first_marker);
@@ -400,7 +330,7 @@ std::optional<cv::Matx33d> pixels_around(const Eigen::Vector3d& point, const std
 }
 
 // Corners of the squares between markers: predicted by the markers, then refined.
-BoardDetection squares_corners(const cv::Mat& image, const std::map<int, MarkerCorners>& markers, const Board& board) {
+BoardDetection squares_corners(const cv::Mat& image, const Markers& markers, const Board& board) {
   FoundCorners corners;
   const double white_margin = 0.5 * (1 - board.marker / board.pitch.maxCoeff());
   for (int id = 0; id < board.point_count(); ++id) {
@@ -462,29 +392,27 @@ BoardDetection detect_chessboard(const Board& board, const GreyPixels& view) {
 }
 
 BoardDetection detect_markers(const Board& board, const GreyPixels& view) {
-  const cv::Mat image = upright_colours(mat_of(view), board.inverted);
-  const auto dictionary = std::ranges::find(marker_dictionaries(), board.dictionary, &MarkerDictionary::name);
-  std::map<int, MarkerCorners> markers = find_markers(image, dictionary->opencv_id);
-  const std::size_t seen = markers.size();
-  std::erase_if(markers, [&](const auto& marker) {
-    return marker.first < board.first_marker || marker.first >= board.first_marker + board.marker_count();
-  });
-  const std::size_t of_board = markers.size();
-  drop_strays(markers, board);
+  const cv::Mat given = mat_of(view);
+  const Markers all = find_markers(given, board);
+  const MarkerFit fit = fit_markers(all, board);
+  const Markers& markers = fit.fitting;
+  const auto counted = [&](BoardDetection detection) {
+    detection.markers = static_cast<int>(markers.size());
+    detection.contradicting_markers = fit.contradicting;
+    return detection;
+  };
   BoardDetection found;
-  // A few markers are near each other on any board.
-  constexpr std::size_t enough_to_tell = 5;
-  if (of_board >= enough_to_tell && 2 * markers.size() < of_board) {
+  if (fit.contradicts()) {
     found.why_not = "its markers do not lie as the board file says";
-    return found;
+    return counted(found);
   }
   if (markers.empty()) {
-    found.why_not = seen == 0 ? "no marker of " + board.dictionary + " in it"
-                              : "it shows markers of " + board.dictionary + ", but not those of the board";
-    return found;
+    found.why_not = all.empty() ? "no marker of " + board.dictionary + " in it"
+                                : "it shows markers of " + board.dictionary + ", but not those of the board";
+    return counted(found);
   }
-  if (board.type == BoardType::aruco_grid) return corners_of_markers(markers, board);
-  found = squares_corners(image, markers, board);
+  if (board.type == BoardType::aruco_grid) return counted(corners_of_markers(markers, board));
+  found = squares_corners(upright_colours(given, board.inverted), markers, board);
   const auto lines = [&](auto line_of) {
     std::vector<int> all;
     for (const int id : found.ids) all.push_back(line_of(id));
@@ -498,10 +426,11 @@ BoardDetection detect_markers(const Board& board, const GreyPixels& view) {
     found = {{}, {}, count + " of its corners were found"};
   }
   measure_markers(board, markers, found);
-  return found;
+  return counted(found);
 }
 
 BoardDetection detect_side(const Board& side, const GreyPixels& image) {
+  if (side.has_circles()) return detect_circles(side, mat_of(image));
   return side.type == BoardType::chessboard ? detect_chessboard(side, image) : detect_markers(side, image);
 }
 
@@ -541,110 +470,6 @@ BoardDetection BoardDetector::detect(const GreyPixels& image) const {
   if (detection.found()) return detection;
   if (std::string trouble = trouble_of(mat_of(image)); !trouble.empty()) detection.why_not = trouble;
   return detection;
-}
-
-namespace {
-
-// Columns and rows swapped: the same markers in other places.
-bool shows_transposed(const Board& board, const cv::Mat& image) {
-  if (board.columns == board.rows) return false;
-  Board other = board;
-  std::swap(other.columns, other.rows);
-  if (!other.problems().empty()) return false;
-  const auto points_in = [&](const Board& some) { return BoardDetector(some).detect(view_of(image)).ids.size(); };
-  // A few markers of one row fit both.
-  return points_in(other) > 2 * points_in(board);
-}
-
-std::string transposed_text(const Board& board) {
-  return "the board in them has " + std::to_string(board.rows) + "x" + std::to_string(board.columns) +
-         (board.type == BoardType::charuco ? " squares" : " markers") + " rather than " +
-         std::to_string(board.columns) + "x" + std::to_string(board.rows) +
-         ": exchange the two numbers in the board file";
-}
-
-// Whether the board's own markers are seen: then the dictionary is right, though others of its family share the codes.
-bool shows_own_markers(const Board& board, const cv::Mat& image) {
-  constexpr std::ptrdiff_t enough_to_tell = 4;
-  const auto dictionary = std::ranges::find(marker_dictionaries(), board.dictionary, &MarkerDictionary::name);
-  const auto markers = find_markers(upright_colours(image, board.inverted), dictionary->opencv_id);
-  return enough_to_tell <= std::ranges::count_if(markers, [&](const auto& marker) {
-           return marker.first >= board.first_marker && marker.first < board.first_marker + board.marker_count();
-         });
-}
-
-}  // namespace
-
-std::string explain_transposed_board(const Board& board, const std::vector<GreyPixels>& images) {
-  if (board.type == BoardType::chessboard) return {};  // found in either orientation
-  const auto transposed =
-      std::ranges::count_if(images, [&](const GreyPixels& view) { return shows_transposed(board, mat_of(view)); });
-  return 2 * transposed > std::ssize(images) ? transposed_text(board) : std::string();
-}
-
-std::string explain_missing_board(const Board& board, const std::vector<GreyPixels>& images) {
-  std::map<std::string, int> guesses;
-  const BoardDetector detector(board);
-  for (const GreyPixels& view : images) {
-    const cv::Mat image = mat_of(view);
-    if (detector.detect(view_of(mirror_image(image))).found()) {
-      // Equivalent for a chessboard with two odd counts.
-      const bool or_inverted = board.type == BoardType::chessboard;
-      ++guesses[or_inverted
-                    ? "they are mirrored (left and right swapped; record them as the sensor sees them), or black and "
-                      "white are swapped (inverted: true), or they show the back of a board that is printed on both "
-                      "sides (back: in the board file)"
-                    : "they are mirrored (left and right swapped): record them as the sensor sees them; or, if they "
-                      "show the back of a board that is printed on both sides, add back: to the board file"];
-      continue;
-    }
-    if (board.type == BoardType::chessboard) {
-      for (const double scale : {1.0, 2.0}) {
-        const auto lattices = find_chessboard_lattices(image, scale);
-        if (lattices.empty()) continue;
-        int i0 = 0, i1 = 0, j0 = 0, j1 = 0;
-        for (const auto& [cell, node] : lattices.front().nodes) {
-          i0 = std::min(i0, cell.first), i1 = std::max(i1, cell.first);
-          j0 = std::min(j0, cell.second), j1 = std::max(j1, cell.second);
-        }
-        const int a = std::max(i1 - i0, j1 - j0) + 1, b = std::min(i1 - i0, j1 - j0) + 1;
-        if (static_cast<int>(lattices.front().nodes.size()) < a * b || b < 3) continue;
-        if (a == std::max(board.columns, board.rows) && b == std::min(board.columns, board.rows)) continue;
-        ++guesses["a chessboard of " + std::to_string(a) + "x" + std::to_string(b) +
-                  " inner corners is in them: is inner_corners right? (it counts the points where squares meet, not "
-                  "squares)"];
-        break;
-      }
-      continue;
-    }
-    if (shows_transposed(board, image)) {
-      ++guesses[transposed_text(board)];
-      continue;
-    }
-    if (shows_own_markers(board, image)) {
-      ++guesses["its markers are in them, but not the corners of its squares: are square and marker right?"];
-      continue;
-    }
-    for (const bool inverted : {board.inverted, !board.inverted}) {
-      for (const auto& dictionary : marker_dictionaries()) {
-        // Larger dictionaries of a family contain the smaller ones, and small codes occur by chance.
-        const auto markers = find_markers(upright_colours(image, inverted), dictionary.opencv_id);
-        if (markers.size() < 4) continue;
-        if (dictionary.name == board.dictionary && inverted == board.inverted) continue;
-        std::string guess = std::to_string(dictionary.markers) + "|markers of ";
-        guess += dictionary.name;
-        guess += " are in them";
-        if (inverted != board.inverted)
-          guess += inverted ? ", black and white swapped (inverted: true)" : ", not inverted";
-        guess += ": is dictionary or inverted right?";
-        ++guesses[guess];
-        if (guesses[guess] > 2) break;
-      }
-    }
-  }
-  const auto best = std::ranges::max_element(guesses, {}, [](const auto& guess) { return guess.second; });
-  if (best == guesses.end()) return {};
-  return best->first.substr(best->first.find('|') + 1);
 }
 
 }  // namespace huetrack::board

@@ -25,8 +25,10 @@ struct BoardDetection {
   std::vector<Eigen::Vector2d> px;  // one per id; raw pixels, (0,0) is the centre of the top left one
   std::string why_not;              // if ids is empty: the reason, one clause
   double blur_px = 0;               // standard deviation of the edges' blur, median over the corners; 0: unknown
-  double marker_m = 0;              // charuco: measured side of the markers, given the squares; 0: unknown
+  double marker_m = 0;              // measured, given the squares: side of the markers (charuco), diameter; 0: unknown
   double marker_px = 0;             // size in the image; 0: unknown
+  int markers = 0;                  // of the board, where the board file says
+  int contradicting_markers = 0;    // elsewhere, or beside them and not of the board
 
   bool found() const { return !ids.empty(); }
 };
@@ -48,11 +50,12 @@ class BoardDetector {
 };
 
 // Why (nearly) no image shows the board: tests the usual mistakes of a board file (squares counted as inner corners,
-// another dictionary, inverted, the old charuco layout). One sentence, or empty.
+// another dictionary, inverted, ...). One sentence, or empty.
 std::string explain_missing_board(const Board& board, const std::vector<GreyPixels>& images);
 
-// Whether most of these images show the board with columns and rows swapped, [8, 11] instead of [11, 8]. One sentence,
-// or empty. Needed because images with few markers fit such a board file, too.
-std::string explain_transposed_board(const Board& board, const std::vector<GreyPixels>& images);
+// The change of the board file that explains the markers in these images, as it is written there: "legacy: true".
+// Tried: legacy, columns and rows swapped or other counts, numbering from the bottom, first marker, border, dictionary,
+// inverted. Empty: none is clearly better. Some seconds of work.
+std::string fitting_board_file(const Board& board, const std::vector<GreyPixels>& images);
 
 }  // namespace huetrack::board

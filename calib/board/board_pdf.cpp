@@ -31,15 +31,16 @@ cv::Mat marker_bits(const Board& board, int index) {
   const auto& known = marker_dictionaries();
   const auto dictionary = std::ranges::find(known, board.dictionary, &MarkerDictionary::name);
   const cv::Ptr<cv::aruco::Dictionary> d = cv::aruco::getPredefinedDictionary(dictionary->opencv_id);
-  const int side = d->markerSize + 2;
+  const int side = d->markerSize + 2 * board.border_bits;
   cv::Mat image;
-  d->drawMarker(board.first_marker + index, side, image, 1);
+  d->drawMarker(board.first_marker + index, side, image, board.border_bits);
   return image == 0;
 }
 
 // The black areas, in millimetres from the board's outer top left corner.
 struct Shapes {
-  std::vector<std::array<double, 4>> black;
+  std::vector<std::array<double, 4>> black;    // left, top, width, height
+  std::vector<std::array<double, 3>> circles;  // centre, radius
   Eigen::Vector2d size;
   Eigen::Vector2d origin;  // of the board's own frame
 };
@@ -63,10 +64,21 @@ Shapes shapes_of(const Board& board) {
   const double px = 1e3 * board.pitch.x(), py = 1e3 * board.pitch.y(), marker = 1e3 * board.marker;
   if (board.type == BoardType::aruco_grid) {
     shapes.size = {px * (board.columns - 1) + marker, py * (board.rows - 1) + marker};
-    shapes.origin.setZero();
+    shapes.origin = {0, board.from_bottom ? shapes.size.y() : 0};
     for (int i = 0; i < board.columns * board.rows; ++i) {
-      const int column = i % board.columns, row = i / board.columns;
-      add_marker(board, i, px * column, py * row, marker, shapes);
+      const Eigen::Vector2d corner = 1e3 * board.marker_corners(i)[0].head<2>() + shapes.origin;
+      add_marker(board, i, corner.x(), corner.y(), marker, shapes);
+    }
+    return shapes;
+  }
+  if (board.has_circles()) {
+    const double radius = 1e3 * board.diameter / 2;
+    shapes.origin.setConstant(radius);
+    shapes.size.setZero();
+    for (int id = 0; id < board.point_count(); ++id) {
+      const Eigen::Vector2d centre = 1e3 * board.point(id).head<2>() + shapes.origin;
+      shapes.circles.push_back({centre.x(), centre.y(), radius});
+      shapes.size = shapes.size.cwiseMax(centre + shapes.origin);
     }
     return shapes;
   }
@@ -110,6 +122,7 @@ std::optional<Paper> paper_of(std::string_view text) {
 
 BoardPdf board_pdf(const Board& board, const Paper& given) {
   for (const auto& problem : board.problems()) throw std::invalid_argument(problem);
+  if (board.has_circles() && !(board.diameter > 0)) throw std::invalid_argument("a print needs the circles' diameter");
   const Shapes shapes = shapes_of(board);
   const double square = 1e3 * std::min(board.pitch.x(), board.pitch.y());
   const double margin = std::max(2.0, square / 4);
@@ -140,7 +153,9 @@ BoardPdf board_pdf(const Board& board, const Paper& given) {
             board.description(), given.name, needed.x(), needed.y()) +
         (larger.empty() ? std::string() : " It fits on " + larger + ".") +
         (largest >= 1 ? fmt::format(" On {} the {} can be {:g} mm.", given.name,
-                                    board.type == BoardType::aruco_grid ? "marker and gap together" : "squares",
+                                    board.type == BoardType::aruco_grid ? "marker and gap together"
+                                    : board.has_circles()               ? "distance of the rows"
+                                                                        : "squares",
                                     std::floor(largest / step) * step)
                       : std::string()));
   }
@@ -158,6 +173,7 @@ BoardPdf board_pdf(const Board& board, const Paper& given) {
   }
   for (const auto& [x, y, width, height] : shapes.black)
     page.rectangle(left + x, top + y, width, height, board.inverted ? 1 : 0);
+  for (const auto& [x, y, radius] : shapes.circles) page.disc(left + x, top + y, radius, board.inverted ? 1 : 0);
 
   // The ruler: 100 mm, or as many tens as fit.
   const double foot = top + shapes.size.y() + margin;

@@ -8,12 +8,26 @@
 namespace huetrack::board {
 namespace {
 
-std::array<int, 2> counts(const yaml::YamlReader& reader, std::string_view key) {
+// The word of a type, and what its two counts are called.
+struct TypeKeys {
+  BoardType type;
+  std::string_view counts;
+};
+constexpr std::array<TypeKeys, 5> type_keys{{{BoardType::chessboard, "inner_corners"},
+                                             {BoardType::charuco, "squares"},
+                                             {BoardType::aruco_grid, "markers"},
+                                             {BoardType::circles, "size"},
+                                             {BoardType::asymmetric_circles, "size"}}};
+
+constexpr yaml::Range board_length{.min = 0, .max = 10, .min_is_open = true, .max_is_open = true};
+
+void read_counts(const yaml::YamlReader& reader, std::string_view key, Board& board) {
   const auto values = reader.numbers(key, 2, 2, {.min = 1, .max = 100});
   for (const double value : values) {
     if (value != static_cast<int>(value)) reader.fail(key, "must be two whole numbers, [columns, rows]");
   }
-  return {static_cast<int>(values[0]), static_cast<int>(values[1])};
+  board.columns = static_cast<int>(values[0]);
+  board.rows = static_cast<int>(values[1]);
 }
 
 // `mirrored` or its own markers: two equal prints could not be distinguished.
@@ -31,34 +45,32 @@ BoardBack read_back(const yaml::YamlReader& reader) {
   return back;
 }
 
-constexpr yaml::Range board_length{.min = 0, .max = 10, .min_is_open = true, .max_is_open = true};
+void read_markers(const yaml::YamlReader& reader, Board& board) {
+  board.marker = reader.number("marker", board_length);
+  std::vector<std::string_view> names;
+  for (const auto& dictionary : marker_dictionaries()) names.push_back(dictionary.name);
+  board.dictionary = reader.choice("dictionary", names);
+  board.first_marker = static_cast<int>(reader.integer("first_marker", {.min = 0, .max = 10000}, 0));
+  board.border_bits = static_cast<int>(reader.integer("border_bits", {.min = 1, .max = 4}, 1));
+}
 
-}  // namespace
-
-Board read_board(const std::filesystem::path& file) {
-  const yaml::YamlReader reader = yaml::YamlReader::file(file);
+Board read_own(const yaml::YamlReader& reader) {
   reader.version(1, 1);
-  constexpr std::array<std::string_view, 3> types{"chessboard", "charuco", "aruco_grid"};
+  std::vector<std::string_view> types;
+  for (const TypeKeys& known : type_keys) types.push_back(name(known.type));
   const std::string type = reader.choice("type", types, "chessboard");
   if (reader.has("board_frame")) reader.string("board_frame");  // a remark for people; the frame is fixed
   Board board;
-  if (type == "chessboard") {
-    board.type = BoardType::chessboard;
-    const auto [columns, rows] = counts(reader, "inner_corners");
-    board.columns = columns;
-    board.rows = rows;
-  } else {
-    board.type = type == "charuco" ? BoardType::charuco : BoardType::aruco_grid;
-    const auto [columns, rows] = counts(reader, type == "charuco" ? "squares" : "markers");
-    board.columns = columns;
-    board.rows = rows;
-    board.marker = reader.number("marker", board_length);
-    std::vector<std::string_view> names;
-    for (const auto& dictionary : marker_dictionaries()) names.push_back(dictionary.name);
-    board.dictionary = reader.choice("dictionary", names);
-    board.first_marker = static_cast<int>(reader.integer("first_marker", {.min = 0, .max = 10000}, 0));
+  for (const TypeKeys& known : type_keys) {
+    if (type != name(known.type)) continue;
+    board.type = known.type;
+    read_counts(reader, known.counts, board);
   }
+  if (board.has_markers()) read_markers(reader, board);
+  if (board.has_circles()) board.diameter = reader.number("diameter", board_length, 0);
   if (board.type == BoardType::aruco_grid) {
+    constexpr std::array<std::string_view, 2> ends{"top", "bottom"};
+    board.from_bottom = reader.choice("numbered_from", ends, "top") == "bottom";
     const double gap = reader.number("gap", yaml::non_negative, 0);
     board.pitch.setConstant(board.marker + gap);
     if (board.columns * board.rows > 1 && !reader.has("gap")) {
@@ -74,33 +86,72 @@ Board read_board(const std::filesystem::path& file) {
   board.inverted = reader.boolean("inverted", false);
   if (board.type == BoardType::charuco) board.legacy = reader.boolean("legacy", false);
   if (const auto back = reader.optional_map("back")) board.back = read_back(*back);
+  return board;
+}
+
+// Kalibr's target file (github.com/ethz-asl/kalibr/wiki/calibration-targets). Its AprilGrid has tags with two bits of
+// border, numbered from the bottom left.
+Board read_kalibr_target(const yaml::YamlReader& reader) {
+  constexpr std::array<std::string_view, 3> types{"aprilgrid", "checkerboard", "circlegrid"};
+  const std::string type = reader.choice("target_type", types);
+  Board board;
+  const auto count = [&](std::string_view key) {
+    return static_cast<int>(reader.integer(key, {.min = 1, .max = 100}));
+  };
+  board.columns = count(type == "aprilgrid" ? "tagCols" : "targetCols");
+  board.rows = count(type == "aprilgrid" ? "tagRows" : "targetRows");
+  if (type == "aprilgrid") {
+    board.type = BoardType::aruco_grid;
+    board.marker = reader.number("tagSize", board_length);
+    board.pitch.setConstant(board.marker * (1 + reader.number("tagSpacing", yaml::non_negative)));
+    board.dictionary = "DICT_APRILTAG_36h11";
+    board.border_bits = 2;
+    board.from_bottom = true;
+  } else if (type == "checkerboard") {
+    board.pitch = {reader.number("colSpacingMeters", board_length), reader.number("rowSpacingMeters", board_length)};
+  } else {
+    board.type = reader.boolean("asymmetricGrid", false) ? BoardType::asymmetric_circles : BoardType::circles;
+    board.pitch.setConstant(reader.number("spacingMeters", board_length));
+  }
+  return board;
+}
+
+}  // namespace
+
+Board read_board(const std::filesystem::path& file) {
+  const yaml::YamlReader reader = yaml::YamlReader::file(file);
+  const Board board = reader.has("target_type") ? read_kalibr_target(reader) : read_own(reader);
   reader.finish();
   for (const auto& problem : board.problems()) reader.fail("", problem);
   return board;
 }
 
 std::string to_yaml(const Board& board) {
+  using files::shortest_text;
   std::string out = "version: 1\ntype: ";
   out += name(board.type);
-  out += board.type == BoardType::chessboard ? "\ninner_corners: ["
-         : board.type == BoardType::charuco  ? "\nsquares: ["
-                                             : "\nmarkers: [";
-  out += std::to_string(board.columns) + ", " + std::to_string(board.rows) + "]\n";
-  if (board.type == BoardType::aruco_grid) {
-    out += "gap: " + files::shortest_text(board.pitch.x() - board.marker) + "\n";
-  } else if (board.pitch.x() == board.pitch.y()) {
-    out += "square: " + files::shortest_text(board.pitch.x()) + "\n";
-  } else {
-    out += "pitch: [" + files::shortest_text(board.pitch.x()) + ", " + files::shortest_text(board.pitch.y()) + "]\n";
+  for (const TypeKeys& known : type_keys) {
+    if (known.type == board.type) out += "\n" + std::string(known.counts);
   }
-  if (board.type != BoardType::chessboard) {
-    out += "marker: " + files::shortest_text(board.marker) + "\ndictionary: " + board.dictionary +
+  out += ": [" + std::to_string(board.columns) + ", " + std::to_string(board.rows) + "]\n";
+  if (board.type == BoardType::aruco_grid) {
+    out += "gap: " + shortest_text(board.pitch.x() - board.marker) + "\n";
+  } else if (board.pitch.x() == board.pitch.y()) {
+    out += "square: " + shortest_text(board.pitch.x()) + "\n";
+  } else {
+    out += "pitch: [" + shortest_text(board.pitch.x()) + ", " + shortest_text(board.pitch.y()) + "]\n";
+  }
+  if (board.has_markers()) {
+    out += "marker: " + shortest_text(board.marker) + "\ndictionary: " + board.dictionary +
            "\nfirst_marker: " + std::to_string(board.first_marker) + "\n";
   }
+  if (board.diameter > 0) out += "diameter: " + shortest_text(board.diameter) + "\n";
+  if (board.border_bits != 1) out += "border_bits: " + std::to_string(board.border_bits) + "\n";
+  if (board.from_bottom) out += "numbered_from: bottom\n";
   if (board.inverted) out += "inverted: true\n";
   if (board.legacy) out += "legacy: true\n";
   if (board.back) {
-    out += "back: {thickness: " + files::shortest_text(board.back->thickness) +
+    out += "back: {thickness: " + shortest_text(board.back->thickness) +
            (board.back->first_marker ? ", first_marker: " + std::to_string(*board.back->first_marker)
                                      : ", mirrored: true") +
            "}\n";

@@ -31,6 +31,20 @@ void PdfPage::rectangle(double x, double y, double width, double height, double 
   content_ += fmt::format("{:.3f} g {:.4f} {:.4f} {:.4f} {:.4f} re f\n", grey, x, y, width, height);
 }
 
+void PdfPage::disc(double x, double y, double radius, double grey) {
+  const double r = radius, k = 0.551915 * radius;  // of four Bezier curves, which are a circle to 2e-4 of its radius
+  content_ += fmt::format("{:.3f} g {:.4f} {:.4f} m", grey, x + r, y);
+  const auto curve = [&](double x1, double y1, double x2, double y2, double x3, double y3) {
+    content_ +=
+        fmt::format(" {:.4f} {:.4f} {:.4f} {:.4f} {:.4f} {:.4f} c", x + x1, y + y1, x + x2, y + y2, x + x3, y + y3);
+  };
+  curve(r, k, k, r, 0, r);
+  curve(-k, r, -r, k, -r, 0);
+  curve(-r, -k, -k, -r, 0, -r);
+  curve(k, -r, r, -k, r, 0);
+  content_ += " f\n";
+}
+
 void PdfPage::text(double x, double y, double size_mm, const std::string& line, bool turned) {
   content_ += turned ? fmt::format("0 g BT /F1 {:.3f} Tf 0 -1 -1 0 {:.3f} {:.3f} Tm ", size_mm, x, y)
                      : fmt::format("0 g BT /F1 {:.3f} Tf 1 0 0 -1 {:.3f} {:.3f} Tm ", size_mm, x, y);

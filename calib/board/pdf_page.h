@@ -1,4 +1,4 @@
-// One page of PDF 1.4 with filled rectangles and lines of text: exact to the micrometre. Private to this module.
+// One page of PDF 1.4 with filled rectangles, discs and lines of text: exact to the micrometre. Private to this module.
 #pragma once
 
 #include <string>
@@ -11,6 +11,7 @@ class PdfPage {
   PdfPage(double width_mm, double height_mm);
 
   void rectangle(double x, double y, double width, double height, double grey);
+  void disc(double x, double y, double radius, double grey);  // x, y: its centre
   // Helvetica, baseline at y; only printable ASCII is kept. turned: reads upwards.
   void text(double x, double y, double size_mm, const std::string& line, bool turned = false);
 

@@ -20,23 +20,30 @@
 namespace huetrack::exchange {
 
 enum class ExchangeFormat : std::uint8_t {
-  ros,     // camera_info YAML (camera_calibration_parsers): one camera, no pose; or a bag: CameraInfo and /tf_static
-  opencv,  // FileStorage, .yml .xml .json: one camera per file, or a stereo pair (M1 D1 M2 D2 R T)
-  kalibr,  // camchain YAML: pinhole with radtan, equidistant or none; relative poses, timing
-  aniposelib,  // TOML: [cam_0] name, matrix, distortions, rotation vector, translation
+  ros,         // camera_info YAML (camera_calibration_parsers), or of `ros2 topic echo`: one camera, no pose; or a bag
+  opencv,      // FileStorage, .yml .xml .json: one camera per file, or a stereo pair (M1 D1 M2 D2 R T)
+  kalibr,      // camchain YAML: pinhole with radtan, equidistant or none; relative poses, timing
+  aniposelib,  // TOML: [cam_0] name, matrix, distortions, rotation vector, translation; Pose2Sim's, too
   caliscope,   // TOML: [cameras.0]; older config.toml: [cam_0]
+  // Import only:
+  openvins,      // kalibr_imucam_chain.yaml: poses in the IMU's frame
+  freemocap,     // TOML: as aniposelib's, with world_position
+  easymocap,     // intri.yml and extri.yml
+  mccalib,       // calibrated_cameras_data.yml
+  photonvision,  // JSON of one camera
 };
 std::string_view name(ExchangeFormat format);  // "ros", ...
 std::optional<ExchangeFormat> exchange_format_of(std::string_view name);
+std::vector<std::string> exchange_format_names(bool for_export);
 
 class ExchangeError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
 struct ImportOptions {
-  std::optional<ExchangeFormat> format{};        // nullopt: detected
+  std::optional<ExchangeFormat> format{};        // nullopt: any; otherwise a file of another layout is an error
   std::optional<calib::ImageSize> image_size{};  // of every camera, for files without it
-  std::vector<std::string> cameras{};            // only these; empty: all
+  std::vector<std::string> cameras{};            // only these, and nothing is asked of the others; empty: all
   double metres_per_unit = 1;                    // > 0; unit of the file's lengths: only Kalibr fixes it
 };
 
@@ -45,12 +52,12 @@ struct Imported {
   std::vector<std::string> notes;  // ignored content and other remarks, one line each
 };
 
-// files: one; opencv: one or more, together for one camera or a stereo pair, or one per camera. throws
-// files::ConfigError, ExchangeError
+// files: one, or those that belong together (intrinsics and extrinsics, or one per camera). The tool is recognised by
+// the keys and where they are, not by names and headers. throws files::ConfigError, ExchangeError
 Imported import_rig(std::span<const std::filesystem::path> files, const ImportOptions& options = {});
 
 struct ExportOptions {
-  ExchangeFormat format = ExchangeFormat::ros;
+  ExchangeFormat format = ExchangeFormat::ros;  // not one for import only
   // opencv: yml, xml or json; stereo: two cameras in one file with M1 D1 M2 D2 R T, otherwise one file per camera.
   std::string extension = "yml";
   bool stereo = false;
@@ -64,7 +71,7 @@ struct Exported {
 // throws ExchangeError
 Exported export_rig(const calib::CameraRig& rig, const ExportOptions& options);
 
-// By name and content. throws files::ConfigError: unreadable, or an unknown format.
+// By content. throws files::ConfigError: unreadable, or an unknown format; the message has the keys that were seen.
 ExchangeFormat detect_format(const std::filesystem::path& file);
 
 }  // namespace huetrack::exchange

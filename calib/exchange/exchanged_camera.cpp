@@ -29,24 +29,27 @@ calib::CameraModel opencv_lens(std::span<const double> intrinsics, std::string_v
     fail(intrinsics_key, "is not a camera matrix: it must be [fx 0 cx; 0 fy cy; 0 0 1]");
   if (intrinsics[1] != 0) fail(intrinsics_key, "has a skew of " + exact(intrinsics[1]) + ", which a rig cannot hold");
   if (!(intrinsics[0] > 0) || !(intrinsics[4] > 0)) fail(intrinsics_key, "has a focal length that is not > 0");
-  const std::size_t n = coefficients.size();
+  // Tools fill up with zeros, to 8, 12 or 14: the shortest usual count that loses nothing.
+  const std::size_t given = coefficients.size();
+  std::size_t used = given;
+  while (used > 0 && coefficients[used - 1] == 0) --used;
+  const auto fits = [&](std::size_t count) { return given >= count && used <= count; };
   if (fisheye) {
-    if (n != 4 && n != 0)
-      fail(coefficients_key, "a fisheye has 4 coefficients (k1 k2 k3 k4), got " + std::to_string(n));
+    if (given != 0 && !fits(4))
+      fail(coefficients_key, "a fisheye has 4 coefficients (k1 k2 k3 k4), got " + std::to_string(given));
     calib::FisheyeKannalaBrandt lens{intrinsics[0], intrinsics[4], intrinsics[2], intrinsics[5], {}};
-    std::ranges::copy(coefficients, lens.distortion.begin());
+    std::ranges::copy(coefficients.first(std::min<std::size_t>(given, 4)), lens.distortion.begin());
     return calib::CameraModel(lens);
   }
-  // Coefficients 9 to 14 are thin prism and tilt, which a rig cannot hold unless they are 0.
-  const bool tail_is_zero = n > 8 && std::ranges::all_of(coefficients.subspan(8), [](double k) { return k == 0; });
-  if (n != 0 && n != 4 && n != 5 && n != 8 && !((n == 12 || n == 14) && tail_is_zero)) {
+  const std::size_t n = given == 0 ? 0 : fits(4) ? 4 : fits(5) ? 5 : 8;
+  if (n > given || used > 8 || given > 14) {
     fail(coefficients_key,
-         n == 12 || n == 14
+         given == 12 || given == 14
              ? std::string("has thin prism or tilt coefficients, which a rig cannot hold: calibrate with 8 or fewer")
-             : "must have 4 (k1 k2 p1 p2), 5 (k3) or 8 (k4 k5 k6) coefficients, got " + std::to_string(n));
+             : "must have 4 (k1 k2 p1 p2), 5 (k3) or 8 (k4 k5 k6) coefficients, got " + std::to_string(given));
   }
   calib::PinholeRadtan lens{intrinsics[0], intrinsics[4], intrinsics[2], intrinsics[5], {}};
-  std::ranges::copy(coefficients.first(std::min<std::size_t>(n, 8)), lens.distortion.begin());
+  std::ranges::copy(coefficients.first(n), lens.distortion.begin());
   return calib::CameraModel(lens);
 }
 
@@ -108,7 +111,8 @@ std::string exact_list(std::span<const double> values) {
 std::string clean_name(std::string name) {
   std::ranges::replace_if(
       name, [](unsigned char c) { return !(std::isalnum(c) || c == '_' || c == '-' || c == '.'); }, '_');
-  return name;
+  if (name.empty() || name.front() == '-' || name.front() == '.') name.insert(0, "_");
+  return name.substr(0, 64);
 }
 
 void require_valid(const calib::CameraRig& rig, const std::filesystem::path& file) {

@@ -20,7 +20,7 @@ namespace huetrack::exchange {
 using Fail = std::function<void(std::string_view key, const std::string& message)>;
 
 // The lens of OpenCV's parameters. intrinsics: K row by row. coefficients: k1 k2 p1 p2 [k3 [k4 k5 k6]], or the
-// fisheye's four; empty: no distortion.
+// fisheye's four; empty: no distortion. Further coefficients that are 0 are none.
 calib::CameraModel opencv_lens(std::span<const double> intrinsics, std::string_view intrinsics_key,
                                std::span<const double> coefficients, std::string_view coefficients_key, bool fisheye,
                                const Fail& fail);
@@ -43,18 +43,9 @@ using files::joined;
 // throws files::ConfigError: a camera is invalid, or two have the same name.
 void require_valid(const calib::CameraRig& rig, const std::filesystem::path& file);
 
-// One function per format and direction.
-Imported import_camera_info(const std::filesystem::path& file, const ImportOptions& options);
+// What is in the files, before the unit and the checks of import_rig().
+Imported imported_from(std::span<const std::filesystem::path> files, const ImportOptions& options);
 Imported import_bag(const std::filesystem::path& bag, const ImportOptions& options);
-Imported import_opencv(std::span<const std::filesystem::path> files, const ImportOptions& options);
-Imported import_kalibr(const std::filesystem::path& file, const ImportOptions& options);
-Imported import_aniposelib(const std::filesystem::path& file, const ImportOptions& options);
-Imported import_caliscope(const std::filesystem::path& file, const ImportOptions& options);
-Exported export_camera_info(const calib::CameraRig& rig);
-Exported export_opencv(const calib::CameraRig& rig, const ExportOptions& options);
-Exported export_kalibr(const calib::CameraRig& rig);
-Exported export_aniposelib(const calib::CameraRig& rig);
-Exported export_caliscope(const calib::CameraRig& rig);
 
 // The whole file, limited in size and nesting. throws files::ConfigError
 std::string text_of(const std::filesystem::path& file, files::Keys keys = files::Keys::plain);

@@ -11,6 +11,7 @@
 #include <thread>
 
 #include "calib/board/grey_view.h"
+#include "calib/gather/board_evidence.h"
 #include "calib/gather/detection_page.h"
 #include "calib/gather/motion_blur.h"
 #include "calib/gather/progress_line.h"
@@ -105,13 +106,6 @@ class Misses {
     auto& own = by_camera_[camera];
     if (own.size() < 4) own.push_back(grey.clone());
   }
-  std::vector<board::GreyPixels> all() const {
-    std::vector<board::GreyPixels> views;
-    for (const auto& [camera, own] : by_camera_) {
-      for (const cv::Mat& image : own) views.push_back(board::view_of(image));
-    }
-    return views;
-  }
   std::vector<board::GreyPixels> of(std::size_t camera) const {
     std::vector<board::GreyPixels> views;
     if (const auto own = by_camera_.find(camera); own != by_camera_.end()) {
@@ -144,20 +138,6 @@ std::vector<std::pair<std::string, std::string>> without_boards(const FoundBoard
     without.emplace_back(camera.name, text);
   }
   return without;
-}
-
-// Detects a board file with columns and rows swapped, which still fits images with few markers. throws InputError
-void refuse_transposed(const FoundBoards& found, const board::Board& board, const Misses& misses) {
-  int pictures = 0, boards = 0;
-  for (const PictureTally& camera : found.cameras) {
-    pictures += camera.pictures;
-    boards += camera.boards;
-  }
-  if (2 * boards >= pictures) return;
-  const std::string why = board::explain_transposed_board(board, misses.all());
-  if (why.empty()) return;
-  throw InputError("the board (" + board.description() + ") was found in " + std::to_string(boards) + " of " +
-                   std::to_string(pictures) + " images: " + why);
 }
 
 // Appends warnings, which may be the reason: damaged files.
@@ -202,16 +182,6 @@ void count_picture(PictureTally& camera, const LabelledPicture& picture) {
       picture.label, camera.name, size.width, size.height, camera.image_size.width, camera.image_size.height));
 }
 
-// Measured sizes of markers, per view.
-struct SeenMarkers {
-  std::vector<double> sides_m, sides_px;
-  void add(const board::BoardDetection& detection) {
-    if (!(detection.marker_m > 0)) return;
-    sides_m.push_back(detection.marker_m);
-    sides_px.push_back(detection.marker_px);
-  }
-};
-
 // Moves one camera's failures that were due to motion blur to motion_blur_reason.
 class Smears {
  public:
@@ -235,13 +205,14 @@ class Smears {
 
 // The views of a batch, per set; counts the images.
 std::vector<BoardSet> views_of(const std::vector<PictureSet>& batch, const std::vector<Task>& tasks, FoundBoards& found,
-                               Misses& misses, SeenMarkers& markers, std::vector<Smears>& smears) {
+                               Misses& misses, BoardEvidence& evidence, std::vector<Smears>& smears) {
   std::vector<BoardSet> seen(batch.size());
   for (std::size_t s = 0; s < batch.size(); ++s) seen[s].at_s = batch[s].at_s;
   for (const Task& task : tasks) {
     const LabelledPicture& picture = *batch[task.set].pictures[task.camera];
     PictureTally& camera = found.cameras[task.camera];
     count_picture(camera, picture);
+    evidence.add(task.detection, picture.grey);
     if (!task.detection.found()) {
       ++camera.why_not[task.detection.why_not];
       smears[task.camera].missed(picture.grey, task.detection.why_not);
@@ -250,30 +221,12 @@ std::vector<BoardSet> views_of(const std::vector<PictureSet>& batch, const std::
     }
     ++camera.boards;
     smears[task.camera].found(picture.grey, task.detection.px, camera);
-    markers.add(task.detection);
     seen[task.set].views.push_back({static_cast<int>(task.camera), 0, picture.label, task.detection.ids,
                                     task.detection.px, picture.stamp_s, task.detection.blur_px});
     seen[task.set].thumbnails.push_back(task.thumbnail);
   }
   found.sets_looked_at += static_cast<int>(batch.size());
   return seen;
-}
-
-// Compares the measured ratio of markers to squares with the board file: one of its lengths may be wrong, and with the
-// squares' the scale of the calibration.
-std::string doubt_of_markers(const board::Board& board, SeenMarkers markers) {
-  if (markers.sides_m.empty()) return {};
-  // 1 mm of a marker of 33 mm; views measure it to some hundredths. A corner of a soft edge is detected up to 0.35 px
-  // inside the marker.
-  constexpr double clearly = 0.03, inside_px = 0.35;
-  const double marker_m = calib::median(std::move(markers.sides_m)),
-               marker_px = calib::median(std::move(markers.sides_px));
-  if (std::abs(marker_m / board.marker - 1) < clearly + 2 * inside_px / marker_px) return {};
-  return fmt::format(
-      "the board file has squares of {:.1f} mm and markers of {:.1f} mm, but in the images markers are {:.3f} of a "
-      "square rather than {:.3f}: one of the two lengths is wrong (with squares of {:.1f} mm markers have {:.1f} mm)",
-      1000 * board.pitch.mean(), 1000 * board.marker, marker_m / board.pitch.mean(), board.marker / board.pitch.mean(),
-      1000 * board.pitch.mean(), 1000 * marker_m);
 }
 
 // Updates the page once all cameras have an image.
@@ -362,7 +315,7 @@ FoundBoards find_boards(PictureSource& source, const board::BoardDetector& detec
   const int at_a_time = source.has_stamps() && options.every == 0 && every > 1 ? 2 : 1;
   ProgressLine line(options.progress);
   Misses misses;
-  SeenMarkers markers;
+  BoardEvidence evidence(detector.board());
   std::vector<Smears> smears(found.cameras.size());
   std::vector<BoardSet> sets;
   DetectionPage page(options.page);
@@ -377,7 +330,7 @@ FoundBoards find_boards(PictureSource& source, const board::BoardDetector& detec
       if (set && found.sets_seen++ % (every * at_a_time) < at_a_time) batch.push_back(std::move(*set));
     }
     const std::vector<Task> tasks = detected(batch, detector);
-    for (BoardSet& set : views_of(batch, tasks, found, misses, markers, smears)) {
+    for (BoardSet& set : views_of(batch, tasks, found, misses, evidence, smears)) {
       if (set.views.empty()) continue;
       if (!sets.empty() && is_same(sets.back(), set)) {
         ++found.duplicates;
@@ -391,11 +344,12 @@ FoundBoards find_boards(PictureSource& source, const board::BoardDetector& detec
   line.clear();
   page.close("processed all " + std::to_string(found.sets_looked_at) + " frame sets");
   found.warnings = source.take_warnings();
-  found.board_doubt = doubt_of_markers(detector.board(), std::move(markers));
+  evidence.refuse_wrong_board();
+  found.board = evidence.board();
+  found.board_doubt = evidence.doubt();
   found.without_boards = without_boards(found, detector.board(), misses);
   if (!found.without_boards.empty() && found.without_boards.size() + options.least_cameras > found.cameras.size())
     throw InputError(with_first(found.warnings, found.without_boards.front().second));
-  refuse_transposed(found, detector.board(), misses);
   const std::size_t before = sets.size();
   sets = thinned(std::move(sets), static_cast<std::size_t>(options.max_sets), source.has_stamps());
   found.thinned = static_cast<int>(before - sets.size());

@@ -42,6 +42,7 @@ struct PictureTally {
 };
 
 struct FoundBoards {
+  board::Board board;  // with the measured diameter of circles if the file has none
   std::vector<PictureTally> cameras;
   std::vector<solver::BoardView> views;  // BoardView::set counts the sets kept, from 0; sorted by set, camera
   std::vector<double> set_at_s;          // per set
@@ -56,8 +57,8 @@ struct FoundBoards {
   std::vector<report::EmbeddedPicture> thumbnails;
 };
 
-// throws InputError: no image, images of one camera with different sizes, `stop`, or a camera (least_cameras) without a
-// detection; the message names the camera and the likely reason.
+// throws InputError: no image, images of one camera with different sizes, `stop`, a camera (least_cameras) without a
+// detection, or markers that contradict the board file; the message names the camera and the likely reason.
 FoundBoards find_boards(PictureSource& source, const board::BoardDetector& detector, const FindBoardsOptions& options,
                         std::stop_token stop);
 

@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "calib/board/grey_view.h"
+#include "calib/gather/board_evidence.h"
 #include "calib/gather/motion_blur.h"
 #include "calib/gather/progress_line.h"
 #include "capture/timing/frame_synchronizer.h"
@@ -107,6 +108,7 @@ class Gathering {
   Gathering(const std::vector<LiveCameraSource>& cameras, const board::BoardDetector& detector,
             const LiveBoardsOptions& options)
       : detector_(detector),
+        evidence_(detector.board()),
         options_(options),
         sizes_(cameras.size()),
         shown_(cameras.size()),
@@ -172,6 +174,9 @@ class Gathering {
   // throws InputError: a camera without images, or without kept views.
   FoundBoards finish() {
     line_.clear();
+    evidence_.refuse_wrong_board();
+    found_.board = evidence_.board();
+    found_.board_doubt = evidence_.doubt();
     page_.close("finished with " + std::to_string(found_.set_at_s.size()) + " frame sets");
     for (const PictureTally& camera : found_.cameras) {
       if (camera.pictures == 0) throw InputError("camera " + camera.name + " delivered no image");
@@ -240,6 +245,7 @@ class Gathering {
   void count(std::size_t c, const cv::Mat& grey, const board::BoardDetection& detection) {
     PictureTally& camera = found_.cameras[c];
     ++camera.pictures;
+    evidence_.add(detection, grey);
     shown_[c].grey = grey;
     shown_[c].corners = detection.px;
     shown_[c].caption = detection.why_not;
@@ -284,6 +290,7 @@ class Gathering {
   }
 
   const board::BoardDetector& detector_;
+  BoardEvidence evidence_;
   const LiveBoardsOptions& options_;
   FoundBoards found_;
   std::vector<std::string> names_;

@@ -16,8 +16,9 @@ namespace {
 struct BoardOptions {
   std::string type, paper = "A4", dictionary;
   int columns = 0, rows = 0, first_marker = 0;
-  double square_mm = 0, marker_mm = 0, gap_mm = 0;
-  bool inverted = false, legacy = false;
+  int border_bits = 1;
+  double square_mm = 0, marker_mm = 0, gap_mm = 0, diameter_mm = 0;
+  bool inverted = false, legacy = false, from_bottom = false;
   std::filesystem::path out, board_file;
 };
 
@@ -27,14 +28,31 @@ board::Board board_of(const BoardOptions& o) {
   board.legacy = o.legacy;
   board.first_marker = o.first_marker;
   const bool grid = o.type == "aruco_grid" || o.type == "april_grid";
-  board.type = o.type == "chessboard" ? board::BoardType::chessboard
-               : o.type == "charuco"  ? board::BoardType::charuco
-                                      : board::BoardType::aruco_grid;
+  for (const auto type : {board::BoardType::chessboard, board::BoardType::charuco, board::BoardType::aruco_grid,
+                          board::BoardType::circles, board::BoardType::asymmetric_circles}) {
+    if (board::name(type) == (grid ? "aruco_grid" : o.type)) board.type = type;
+  }
+  board.border_bits = o.border_bits;
+  board.from_bottom = o.from_bottom;
   if (o.legacy && board.type != board::BoardType::charuco)
     throw gather::InputError("--legacy is for charuco boards only");
-  board.columns = o.columns > 0 ? o.columns : grid ? 6 : board.type == board::BoardType::charuco ? 7 : 8;
-  board.rows = o.rows > 0 ? o.rows : grid ? 4 : 5;
-  if (grid) {
+  if (o.from_bottom && !grid) throw gather::InputError("--from-bottom is for aruco_grid and april_grid");
+  if (o.border_bits != 1 && !board.has_markers()) throw gather::InputError("--border-bits is for boards with markers");
+  if (o.diameter_mm > 0 && !board.has_circles()) throw gather::InputError("--diameter is for circles");
+  const bool asymmetric = board.type == board::BoardType::asymmetric_circles;
+  board.columns = o.columns > 0                             ? o.columns
+                  : asymmetric                              ? 4
+                  : grid                                    ? 6
+                  : board.type == board::BoardType::charuco ? 7
+                                                            : 8;
+  board.rows = o.rows > 0 ? o.rows : asymmetric ? 11 : grid ? 4 : 5;
+  if (board.has_circles()) {
+    if (o.marker_mm > 0 || o.gap_mm > 0)
+      throw gather::InputError("circles have --square and --diameter, no --marker and no --gap");
+    const double square = o.square_mm > 0 ? o.square_mm : asymmetric ? 20 : 25;
+    board.pitch.setConstant(square / 1e3);
+    board.diameter = (o.diameter_mm > 0 ? o.diameter_mm : (asymmetric ? 0.75 : 0.5) * square) / 1e3;
+  } else if (grid) {
     if (o.square_mm > 0) throw gather::InputError("a grid of markers has --marker and --gap, no --square");
     const double marker = o.marker_mm > 0 ? o.marker_mm : 32, gap = o.gap_mm > 0 ? o.gap_mm : 0.3 * marker;
     board.marker = marker / 1e3;
@@ -95,21 +113,29 @@ void add_board_command(CLI::App& app, Command& chosen) {
   const auto o = std::make_shared<BoardOptions>();
   CLI::App* command =
       app.add_subcommand("board", "make a calibration board to print (PDF, true scale), and its board file");
-  command->add_option("--type", o->type, "chessboard, charuco, aruco_grid or april_grid")
+  command->add_option("--type", o->type, "chessboard, charuco, aruco_grid, april_grid, circles or asymmetric_circles")
       ->required()
-      ->check(CLI::IsMember({"chessboard", "charuco", "aruco_grid", "april_grid"}));
+      ->check(CLI::IsMember({"chessboard", "charuco", "aruco_grid", "april_grid", "circles", "asymmetric_circles"}));
   command->add_option("--out", o->out, "the PDF to write")->required();
   command->add_option("--board", o->board_file, "the board file to write; default: the PDF's name with .yaml");
   command->add_option("--paper", o->paper,
                       "A4 (default), A3, A2, A1, A0, letter, legal, tabloid, or WIDTHxHEIGHT in mm");
-  command->add_option("--columns", o->columns, "chessboard: inner corners; charuco: squares; grids: markers")
+  command
+      ->add_option("--columns", o->columns,
+                   "chessboard: inner corners; charuco: squares; grids: markers, or circles in a row")
       ->check(CLI::Range(1, 100));
   command->add_option("--rows", o->rows, "the same, vertically")->check(CLI::Range(1, 100));
-  command->add_option("--square", o->square_mm, "side of a square, mm")->check(CLI::Range(1.0, 1000.0));
+  command->add_option("--square", o->square_mm, "side of a square, mm; circles: distance of the rows")
+      ->check(CLI::Range(1.0, 1000.0));
   command->add_option("--marker", o->marker_mm, "side of a marker, mm; default: charuco 3/4 of a square")
       ->check(CLI::Range(1.0, 1000.0));
   command->add_option("--gap", o->gap_mm, "between the markers of a grid, mm; default: 0.3 of a marker")
       ->check(CLI::Range(0.1, 1000.0));
+  command->add_option("--diameter", o->diameter_mm, "of a circle, mm; default: 1/2 of --square, asymmetric: 3/4")
+      ->check(CLI::Range(1.0, 1000.0));
+  command->add_option("--border-bits", o->border_bits, "width of the markers' black border, in bits; Kalibr: 2")
+      ->check(CLI::Range(1, 4));
+  command->add_flag("--from-bottom", o->from_bottom, "grids: the rows are numbered from the bottom, as Kalibr's");
   command->add_option("--dictionary", o->dictionary,
                       "its name in OpenCV; default: DICT_4X4_50, april_grid: DICT_APRILTAG_36h11");
   command->add_option("--first-marker", o->first_marker, "number of the first marker")->check(CLI::Range(0, 10000));

@@ -37,11 +37,10 @@ ExitStatus check(const CheckOptions& options, const std::stop_token& stop) {
   if (!options.quiet) print_history(rig);
   gather::FindBoardsOptions find = options.find;
   find.progress = !options.quiet;
-  const std::vector<solver::BoardView> views =
-      board_views_of(rig, options.rig, board, options.inputs, find, stop).views;
+  const gather::FoundBoards found = board_views_of(rig, options.rig, board, options.inputs, find, stop);
   gather::ProgressLine line(!options.quiet);
-  const solver::RigCheck result = solver::check_rig(board, rig, views, line.progress());
-  const report::RigCheckReport report = report::report_on(result, rig);
+  const solver::RigCheck result = solver::check_rig(found.board, rig, found.views, line.progress());
+  const report::RigCheckReport report = report::report_on(result, rig, found.board_doubt);
   line.clear();
   if (!options.quiet) std::fputs(report::to_text(report, result).c_str(), stdout);
   if (options.note) {

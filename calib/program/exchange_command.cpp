@@ -14,8 +14,6 @@
 namespace huetrack::program {
 namespace {
 
-const std::vector<std::string> formats{"ros", "opencv", "kalibr", "aniposelib", "caliscope"};
-
 struct ImportCommand {
   std::vector<std::filesystem::path> files;
   std::vector<std::string> cameras;
@@ -95,9 +93,10 @@ ExitStatus export_files(const ExportCommand& command) {
 void add_exchange_commands(CLI::App& app, Command& chosen) {
   const auto in = std::make_shared<ImportCommand>();
   CLI::App* import_command = app.add_subcommand("import", "convert another tool's calibration to a rig file");
-  import_command->add_option("files", in->files, "the other tool's file (opencv: one or more), or a ROS bag")
+  import_command->add_option("files", in->files, "the other tool's file, those that belong together, or a ROS bag")
       ->required();
-  import_command->add_option("--from", in->from, "the tool; default: detected")->check(CLI::IsMember(formats));
+  import_command->add_option("--from", in->from, "the tool; default: recognised by its keys")
+      ->check(CLI::IsMember(exchange::exchange_format_names(false)));
   import_command->add_option("--rig", in->rig, "the rig file to write")->required();
   import_command->add_option("--size", in->size, "WIDTHxHEIGHT of the images, for files without it");
   import_command->add_option("--cameras", in->cameras, "only these, separated by commas")
@@ -110,7 +109,9 @@ void add_exchange_commands(CLI::App& app, Command& chosen) {
   const auto out = std::make_shared<ExportCommand>();
   CLI::App* export_command = app.add_subcommand("export", "convert a rig to another tool's files");
   export_command->add_option("rig", out->rig, "the rig file")->required();
-  export_command->add_option("--to", out->to, "the tool")->required()->check(CLI::IsMember(formats));
+  export_command->add_option("--to", out->to, "the tool")
+      ->required()
+      ->check(CLI::IsMember(exchange::exchange_format_names(true)));
   export_command->add_option("--out", out->folder, "the folder to write to")->required();
   export_command->add_option("--extension", out->extension, "opencv: yml (default), xml or json");
   export_command->add_flag("--stereo", out->stereo, "opencv: two cameras in one file (M1 D1 M2 D2 R T)");

@@ -155,7 +155,7 @@ ExitStatus calibrate(const ExtrinsicsArguments& options, const std::stop_token& 
   solve.intrinsics.lens = options.lens;
   solve.leave_out = true;
   solve.progress = line.progress();
-  solver::Extrinsics result = solver::calibrate_extrinsics(board, cameras, all.views, solve);
+  solver::Extrinsics result = solver::calibrate_extrinsics(all.board, cameras, all.views, solve);
   line.draw("writing the report");
   const std::vector<report::CameraLeftOut> left_out = left_out_of(all, result);
   const gather::FoundBoards found = kept_of(std::move(all), result);

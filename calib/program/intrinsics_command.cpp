@@ -29,7 +29,7 @@ ExitStatus calibrate(IntrinsicsArguments options, const std::stop_token& stop) {
   gather::require_views(found, solver::IntrinsicsOptions{}.min_views);
   gather::ProgressLine line(!options.quiet);
   const solver::Intrinsics result =
-      solver::calibrate_intrinsics(board, options.camera, found.cameras.front().image_size, found.views,
+      solver::calibrate_intrinsics(found.board, options.camera, found.cameras.front().image_size, found.views,
                                    {.lens = options.lens, .progress = line.progress()});
   line.draw("writing the report");
   const report::CalibrationReport report = report::report_on(result, report_input(found, options.inputs));

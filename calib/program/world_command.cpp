@@ -38,9 +38,9 @@ struct NewWorld {
 constexpr double good_px = 1.5;  // limit of the reprojection error of board or point
 
 NewWorld from_board(const calib::CameraRig& rig, const WorldOptions& options, const std::stop_token& stop) {
-  const board::Board board = board::read_board(options.board);
-  const gather::FoundBoards found =
-      board_views_of(rig, options.rig, board, options.inputs, {.progress = !options.quiet, .page = {}}, stop);
+  const gather::FoundBoards found = board_views_of(rig, options.rig, board::read_board(options.board), options.inputs,
+                                                   {.progress = !options.quiet, .page = {}}, stop);
+  const board::Board& board = found.board;
   // The requested time, or the set seen by most cameras.
   std::map<int, int> seen;
   for (const solver::BoardView& view : found.views) ++seen[view.set];
@@ -60,6 +60,7 @@ NewWorld from_board(const calib::CameraRig& rig, const WorldOptions& options, co
   world.rig = solver::in_world(rig, {solver::floor_from_board(world_from_board, options.height_m), 1});
   world.how = fmt::format("the board on the floor at {:.2f} s, seen by {} cameras, {:.2f} px rms",
                           found.set_at_s[static_cast<std::size_t>(set)], views.size(), placed.rms_px);
+  if (!found.board_doubt.empty()) world.doubts.push_back(found.board_doubt);
   if (found.set_at_s.size() > 1 && !options.at_s) {
     world.doubts.push_back(fmt::format(
         "the board moves in these images: its place at {:.2f} s is used; give --at SECONDS, or images of the board "

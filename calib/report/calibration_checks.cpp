@@ -79,7 +79,7 @@ class Judge {
           "correct that, and calibrate again; the rig is valid for the other cameras");
     }
     if (!evidence_.board_doubt.empty())
-      add(Verdict::doubtful, "board file", evidence_.board_doubt, "measure both on the board, and correct its file");
+      add(Verdict::doubtful, "board file", evidence_.board_doubt, "measure the board, and correct its file");
     for (const std::string& warning : evidence_.warnings) {
       add(Verdict::doubtful, "input", warning, "use an undamaged copy, or record it again");
     }

@@ -85,8 +85,10 @@ void add_camera(std::vector<Check>& checks, const solver::RigCheck& check, const
 
 }  // namespace
 
-RigCheckReport report_on(const solver::RigCheck& check, const calib::CameraRig& rig) {
+RigCheckReport report_on(const solver::RigCheck& check, const calib::CameraRig& rig, const std::string& board_doubt) {
   RigCheckReport report;
+  if (!board_doubt.empty())
+    report.checks.push_back({Verdict::doubtful, "board file", board_doubt, "measure the board, and correct its file"});
   if (check.scale) {
     report.checks.push_back(scale_check(check));
   } else if (check.swapped) {

@@ -15,8 +15,9 @@ struct RigCheckReport {
   Verdict verdict = Verdict::usable;
 };
 
-// rig: the checked one.
-RigCheckReport report_on(const solver::RigCheck& check, const calib::CameraRig& rig);
+// rig: the checked one. board_doubt: contradiction between images and board file; may be empty.
+RigCheckReport report_on(const solver::RigCheck& check, const calib::CameraRig& rig,
+                         const std::string& board_doubt = {});
 
 std::string to_text(const RigCheckReport& report, const solver::RigCheck& check);
 

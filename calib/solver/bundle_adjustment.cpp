@@ -346,7 +346,7 @@ std::vector<BoardPose> board_poses(const board::Board& board, const BoardView& v
       for (const std::size_t k : used) {
         Vector2d r;
         CornerDerivatives d;
-        const BoardCorner corner{board.point(view.ids[k]), PointByWarp::Zero(), view.px[k]};
+        const BoardCorner corner{board.point(view.ids[k]), PointByWarp::Zero(), view.px[k], 0, board.diameter / 2};
         if (!corner_residual(lens, parameters, {}, {pose.cam_from_board, BoardWarp::Zero()}, corner, r, &d)) {
           sum += 1e12;
           continue;

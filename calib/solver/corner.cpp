@@ -1,7 +1,10 @@
 #include "calib/solver/corner.h"
 
 #include <Eigen/Geometry>
+#include <array>
 #include <cmath>
+#include <numbers>
+#include <optional>
 
 #include "calib/model/cross_matrix.h"
 #include "calib/model/index.h"
@@ -59,9 +62,34 @@ MovedPoint moved(const BoardMotion& motion, double tau, const Vector3d& point) {
   return result;
 }
 
+// From the image of the centre of a circle to the centre of area of its image. axes: of the circle's plane, in the
+// camera's frame, as long as its radius. nullopt: partly behind the camera.
+std::optional<Vector2d> circle_offset(LensModel lens, const LensParameters& parameters, const Vector3d& p_cam,
+                                      const Vector2d& px, const Eigen::Matrix<double, 3, 2>& axes) {
+  constexpr int count = 12;
+  // A polygon of 12 corners has the second moments of a circle of 0.977 times its radius, which the offset depends on.
+  const double stretch = std::sqrt(3 / (2 + std::cos(2 * std::numbers::pi / count)));
+  std::array<Vector2d, count> rim;
+  for (std::size_t k = 0; k < count; ++k) {
+    const double angle = 2 * std::numbers::pi * static_cast<double>(k) / count;
+    const Vector3d p = p_cam + stretch * (axes * Vector2d(std::cos(angle), std::sin(angle)));
+    if (!project(lens, parameters, p, rim[k], nullptr, nullptr)) return std::nullopt;
+    rim[k] -= px;
+  }
+  double area = 0;
+  Vector2d moment = Vector2d::Zero();
+  for (std::size_t k = 0; k < count; ++k) {
+    const Vector2d &a = rim[k], &b = rim[(k + 1) % count];
+    const double cross = a.x() * b.y() - a.y() * b.x();
+    area += cross;
+    moment += cross * (a + b);
+  }
+  return moment / (3 * area);
+}
+
 }  // namespace
 
-BoardShape::BoardShape(const board::Board& board) {
+BoardShape::BoardShape(const board::Board& board) : circle_radius(board.diameter / 2) {
   for (int id = 0; id < board.point_count(); ++id) points.push_back(board.point(id));
   Vector3d low = points.front(), high = points.front();
   for (const Vector3d& p : points) {
@@ -75,7 +103,8 @@ BoardCorner corner_of(const Adjustment& a, const BoardShape& shape, std::size_t 
   const BoardView& view = a.views[v];
   const std::size_t id = index(view.ids[k]);
   const int height = a.cameras[index(view.camera)].image_size.height;
-  return {shape.points[id], shape.by_warp[id], view.px[k], height > 1 ? view.px[k].y() / (height - 1) - 0.5 : 0.0};
+  return {shape.points[id], shape.by_warp[id], view.px[k], height > 1 ? view.px[k].y() / (height - 1) - 0.5 : 0.0,
+          shape.circle_radius};
 }
 
 bool corner_residual(LensModel lens, const LensParameters& parameters, const calib::Rigid3d& cam_from_world,
@@ -89,6 +118,14 @@ bool corner_residual(LensModel lens, const LensParameters& parameters, const cal
   Vector2d px;
   if (!project(lens, parameters, p_cam, px, d ? &by_point : nullptr, d ? &d->by_lens : nullptr)) return false;
   residual = px - corner.measured;
+  if (corner.circle_radius > 0) {
+    const Matrix3d cam_from_board = (cam_from_world.rotation * board.world_from_board.rotation).toRotationMatrix();
+    const Eigen::Matrix<double, 3, 2> axes =
+        corner.circle_radius * (cam_from_board * moved_point.rotation).leftCols<2>();
+    const auto offset = circle_offset(lens, parameters, p_cam, px, axes);
+    if (!offset) return false;
+    residual += *offset;
+  }
   if (d) {
     d->by_camera.leftCols<3>() = -by_point * cross_matrix(p_cam);
     d->by_camera.rightCols<3>() = by_point;

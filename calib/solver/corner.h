@@ -16,6 +16,7 @@ using PointByWarp = Eigen::Matrix3d;
 struct BoardShape {
   std::vector<Eigen::Vector3d> points;
   std::vector<PointByWarp> by_warp;
+  double circle_radius = 0;  // metres; 0: corners
   explicit BoardShape(const board::Board& board);
 };
 
@@ -37,6 +38,9 @@ struct BoardCorner {
   PointByWarp by_warp;    // see BoardShape
   Eigen::Vector2d measured;
   double below_middle = 0;  // of its row, in image heights: -1/2 the first row, 1/2 the last
+  // > 0: `measured` is the centre of area of the image of a circle of this radius around `point`, which lies beside the
+  // image of `point` (perspective, distortion). Modelled; its derivatives, some 1e-3 of the point's, are neglected.
+  double circle_radius = 0;
 };
 BoardCorner corner_of(const Adjustment& a, const BoardShape& shape, std::size_t view, std::size_t corner);
 

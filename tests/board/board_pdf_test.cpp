@@ -131,6 +131,14 @@ Board inverted(Board board) {
   board.inverted = true;
   return board;
 }
+Board kalibr(Board board) {
+  board.border_bits = 2;
+  board.from_bottom = true;
+  return board;
+}
+Board circles(BoardType type, int columns, int rows) {
+  return {.type = type, .columns = columns, .rows = rows, .pitch = {0.022, 0.022}, .diameter = 0.012};
+}
 Board legacy(Board board) {
   board.legacy = true;
   return board;
@@ -144,6 +152,9 @@ INSTANTIATE_TEST_SUITE_P(All, PrintedBoard,
                                          Case{"charuco_inverted", inverted(a_charuco(5, 4, 0.04, 0.03)), "A4"},
                                          Case{"aruco_grid", grid("DICT_5X5_100"), "A4"},
                                          Case{"april_grid", grid("DICT_APRILTAG_36h11"), "A4"},
+                                         Case{"kalibr_grid", kalibr(grid("DICT_APRILTAG_36h11")), "A4"},
+                                         Case{"circles", circles(BoardType::circles, 8, 6), "A4"},
+                                         Case{"asymmetric_circles", circles(BoardType::asymmetric_circles, 4, 9), "A4"},
                                          Case{"own_paper", a_chessboard(6, 4, 0.02), "180x200"}),
                          [](const auto& test) { return test.param.name; });
 

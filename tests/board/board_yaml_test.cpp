@@ -56,11 +56,50 @@ TEST_F(BoardYaml, EveryBoardReadsBackTheSame) {
         "type: charuco\nsquares: [4, 6]\nsquare: 0.054\nmarker: 0.0405\ndictionary: DICT_4X4_1000\nback: "
         "{thickness: 0, first_marker: 12}\n",
         "type: charuco\nsquares: [4, 6]\nsquare: 0.054\nmarker: 0.0405\ndictionary: DICT_4X4_1000\nlegacy: true\n",
+        "type: aruco_grid\nmarkers: [3, 2]\nmarker: 0.04\ngap: 0.01\ndictionary: DICT_APRILTAG_36h11\nborder_bits: "
+        "2\nnumbered_from: bottom\n",
+        "type: circles\nsize: [7, 6]\nsquare: 0.03\ndiameter: 0.015\n",
+        "type: asymmetric_circles\nsize: [4, 11]\nsquare: 0.02\ninverted: true\n",
         "type: aruco_grid\nmarkers: [3, 2]\nmarker: 0.04\ngap: 0.01\ndictionary: DICT_APRILTAG_36h11\nfirst_marker: "
         "7\n"}) {
     const Board board = read(yaml);
     EXPECT_EQ(read(to_yaml(board)), board) << yaml;
   }
+}
+
+// github.com/ethz-asl/kalibr/wiki/calibration-targets
+TEST_F(BoardYaml, ReadsKalibrsTargets) {
+  const Board tags =
+      read("target_type: 'aprilgrid' #gridtype\ntagCols: 6\ntagRows: 5\ntagSize: 0.088\ntagSpacing: 0.3\n");
+  EXPECT_EQ(tags.type, BoardType::aruco_grid);
+  EXPECT_EQ(tags.columns, 6);
+  EXPECT_EQ(tags.rows, 5);
+  EXPECT_EQ(tags.border_bits, 2);
+  EXPECT_TRUE(tags.from_bottom);
+  EXPECT_NEAR(tags.pitch.x(), 0.1144, 1e-12);
+  const Board squares = read(
+      "target_type: 'checkerboard'\ntargetCols: 6\ntargetRows: 7\nrowSpacingMeters: 0.06\ncolSpacingMeters: 0.05\n");
+  EXPECT_EQ(squares.type, BoardType::chessboard);
+  EXPECT_EQ(squares.columns, 6);
+  EXPECT_EQ(squares.pitch, Eigen::Vector2d(0.05, 0.06));
+  const Board circles =
+      read("target_type: 'circlegrid'\ntargetCols: 4\ntargetRows: 11\nspacingMeters: 0.02\nasymmetricGrid: True\n");
+  EXPECT_EQ(circles.type, BoardType::asymmetric_circles);
+  EXPECT_LT((circles.point(5) - Eigen::Vector3d(0.06, 0.02, 0)).norm(), 1e-12);  // second row, second circle
+  EXPECT_EQ(
+      read("target_type: circlegrid\ntargetCols: 6\ntargetRows: 7\nspacingMeters: 0.02\nasymmetricGrid: False\n").type,
+      BoardType::circles);
+  EXPECT_THROW(read("target_type: aprilgrid\ntagCols: 6\n"), files::ConfigError);
+}
+
+TEST(BoardSymmetriesOfCircles, AreTurnsThatMapTheGridToItself) {
+  const auto count = [](BoardType type, int columns, int rows) {
+    return Board{.type = type, .columns = columns, .rows = rows}.symmetries().size();
+  };
+  EXPECT_EQ(count(BoardType::circles, 7, 5), 2u);
+  EXPECT_EQ(count(BoardType::circles, 5, 5), 4u);
+  EXPECT_EQ(count(BoardType::asymmetric_circles, 4, 11), 1u);  // its first and last rows begin at the same side
+  EXPECT_EQ(count(BoardType::asymmetric_circles, 4, 10), 2u);
 }
 
 TEST_F(BoardYaml, RejectsUnknownKeysAndValues) {

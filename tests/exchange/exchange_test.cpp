@@ -197,8 +197,8 @@ TEST_F(Exchange, CameraInfoErrorsNameTheLine) {
               AllOf(HasSubstr("d.yaml:4"), HasSubstr("skew")));
   EXPECT_THAT(error_of("e.yaml", replaced(camera_info, "image_width: 640\n", "")),
               AllOf(HasSubstr("e.yaml"), HasSubstr("--size")));
-  EXPECT_THAT(error_of("f.yaml", std::string(camera_info) + "binning_z: 2\n"),
-              AllOf(HasSubstr("f.yaml:21"), HasSubstr("binning_z")));
+  EXPECT_THAT(import_text("f.yaml", std::string(camera_info) + "binning_z: 2\n").notes,
+              Contains(HasSubstr("not taken over: binning_z")));
 }
 
 TEST_F(Exchange, CameraInfoOfOtherLenses) {
@@ -293,7 +293,8 @@ TEST_F(Exchange, KalibrTiming) {
   EXPECT_THAT(error_of("l.yaml", replaced(camchain, shift, "  line_delay_nanoseconds: -1\n")), HasSubstr("l.yaml:11"));
   EXPECT_THAT(error_of("b.yaml", replaced(camchain, shift, "  line_delay: 0\n  line_delay_nanoseconds: 0\n")),
               HasSubstr("b.yaml:11: cam0.line_delay: is given together with line_delay_nanoseconds"));
-  EXPECT_THAT(error_of("d.yaml", replaced(camchain, shift, "  line_dely: 0\n")), HasSubstr("did you mean line_delay?"));
+  EXPECT_THAT(import_text("d.yaml", replaced(camchain, shift, "  line_dely: 0\n")).notes,
+              Contains(AllOf(HasSubstr("cam0: not taken over"), HasSubstr("line_dely"))));
 
   // There and back. The format's line delay is in whole nanoseconds.
   calib::CameraRig rig = some_rig();
@@ -418,7 +419,7 @@ TEST_F(Exchange, TomlErrorsNameTheLine) {
               AllOf(HasSubstr("d.toml:1"), HasSubstr("--size")));
   EXPECT_THAT(error_of("e.toml", replaced(anipose, "name = \"B\"", "name = \"A\""), mm),
               AllOf(HasSubstr("e.toml:9"), HasSubstr("second camera A")));
-  EXPECT_THAT(error_of("f.toml", replaced(anipose, "[ 900.5, 0.0", "[ \"900.5\", 0.0"), mm), HasSubstr("f.toml:4"));
+  EXPECT_THAT(error_of("f.toml", replaced(anipose, "[ 900.5, 0.0", "[ \"wide\", 0.0"), mm), HasSubstr("f.toml:4"));
   EXPECT_THAT(error_of("g.toml", "[other]\na = 1\n"), HasSubstr("--from"));
 }
 
@@ -539,13 +540,12 @@ TEST_F(Exchange, OpenCvErrors) {
                        "type_id=\"opencv-matrix\"><rows>2</rows><cols>2</cols><dt>d</dt><data>1. 2. 3. 4.</data></K>\n"
                        "<D>0. 0. 0. 0.</D>\n</opencv_storage>\n"),
               AllOf(HasSubstr("b.xml:3"), HasSubstr("3x3")));
-  // OpenCV's own parser ends the program at the first two.
-  EXPECT_THAT(error_of("c.xml", "<?xml n="), AllOf(HasSubstr("c.xml:1"), HasSubstr("has no quotes")));
+  EXPECT_THAT(error_of("c.xml", "<?xml n="), AllOf(HasSubstr("c.xml:1"), HasSubstr("is not valid XML")));
   EXPECT_THAT(error_of("d.xml", "<?xml version=  image\xff?>\n<opencv_storage></opencv_storage>\n"),
-              HasSubstr("has no quotes"));
+              HasSubstr("no camera matrix"));
   EXPECT_THAT(error_of("e.xml", "<?xml version=\"1.0\"?>\n<opencv_storage\n<K>"),
-              AllOf(HasSubstr("e.xml:2"), HasSubstr("has no end")));
-  EXPECT_THAT(error_of("f.xml", "<?xml version=\"1.0\"?>\n<!-- a > b = c"), HasSubstr("comment has no end"));
+              AllOf(HasSubstr("e.xml:2"), HasSubstr("is not valid XML")));
+  EXPECT_THAT(error_of("f.xml", "<?xml version=\"1.0\"?>\n<!-- a > b = c"), HasSubstr("is not valid XML"));
 }
 
 TEST_F(Exchange, CaliscopeAndAnipose) {
@@ -558,19 +558,19 @@ TEST_F(Exchange, CaliscopeAndAnipose) {
   }
 }
 
-TEST_F(Exchange, DetectsTheFormatByItsLines) {
+TEST_F(Exchange, DetectsTheFormatByItsKeys) {
   const auto format_of = [&](const std::string& name, const std::string& text) {
     return detect_format(file(name, text));
   };
-  EXPECT_EQ(format_of("a.toml", "\n  [cameras.0]\n"), ExchangeFormat::caliscope);
-  EXPECT_EQ(format_of("b.toml", "[cam_0]\nport\t= 0\n"), ExchangeFormat::caliscope);
-  EXPECT_EQ(format_of("c.toml", "[cam_0]\nname = \"report = port\"\n"), ExchangeFormat::aniposelib);
-  EXPECT_EQ(format_of("d.yaml", "cam0 :\r\n  camera_model: pinhole\r\n"), ExchangeFormat::kalibr);
-  EXPECT_THROW(format_of("e.yaml", "cam0:\n  x: 1 camera_model: pinhole\n"), files::ConfigError);
-  EXPECT_THROW(format_of("f.yaml", " cam0:\n  camera_model: pinhole\n"), files::ConfigError);
-  // Long runs, which a recursive matcher does not survive.
+  EXPECT_EQ(format_of("a.toml", "\n  [cameras.0]\ncam_id = 0\nmatrix = []\n"), ExchangeFormat::caliscope);
+  EXPECT_EQ(format_of("b.toml", "[cam_0]\nport\t= 0\nmatrix = []"), ExchangeFormat::caliscope);
+  EXPECT_EQ(format_of("c.toml", "[left]\nname = \"report = port\"\nmatrix = []\n"), ExchangeFormat::aniposelib);
+  EXPECT_EQ(format_of("d.yaml", "cam0 :\r\n  camera_model: pinhole\r\n  intrinsics: []\r\n"), ExchangeFormat::kalibr);
+  // The syntax and the first line say nothing of the tool.
+  EXPECT_EQ(format_of("e.yml", "%YAML:1.0\n---\ncamera_matrix: {}\ndistortion_model: x\n"), ExchangeFormat::ros);
+  EXPECT_EQ(format_of("f.yaml", "camera_matrix: {}\n"), ExchangeFormat::opencv);
+  EXPECT_THROW(format_of("g.yaml", "cam0:\n  x: 1 camera_model: pinhole\n"), files::ConfigError);
   const std::string blanks(2'000'000, ' ');
-  EXPECT_EQ(format_of("g.yaml", blanks + "\ndistortion_model" + blanks + ": x\ncamera_matrix:\n"), ExchangeFormat::ros);
   EXPECT_THROW(format_of("h.toml", "x = \"" + blanks + "[cam\"\n"), files::ConfigError);
 }
 

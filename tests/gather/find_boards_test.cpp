@@ -125,10 +125,40 @@ TEST(FindBoards, ReportsSwappedColumnsAndRows) {
     look({in_file, real, real, real});
     FAIL() << "it was taken";
   } catch (const InputError& error) {
-    EXPECT_THAT(error.what(), testing::HasSubstr("in 1 of 4 images: the board in them has 5x7 squares rather than "
-                                                 "7x5: exchange the two numbers in the board file"));
+    EXPECT_THAT(error.what(), testing::AllOf(testing::HasSubstr("in 3 of 4 images"),
+                                             testing::HasSubstr("they fit with squares: [5, 7] in the board file")));
   }
   EXPECT_EQ(look({in_file, in_file, real}), 2);
+}
+
+// Half of the markers of such a board lie as the file says, one square beside their places.
+TEST(FindBoards, RefusesABoardFileThatExplainsHalfOfTheMarkers) {
+  const board::Board in_file{.type = board::BoardType::charuco, .columns = 6, .rows = 8, .marker = 0.0225};
+  board::Board real = in_file;
+  real.legacy = true;
+  CharucoPictures source({real, real, real});
+  try {
+    find_boards(source, board::BoardDetector(in_file), {.progress = false, .page = {}}, {});
+    FAIL() << "it was taken";
+  } catch (const InputError& error) {
+    EXPECT_THAT(error.what(), testing::AllOf(testing::HasSubstr("in 3 of 3 images"),
+                                             testing::HasSubstr("they fit with legacy: true in the board file")));
+  }
+}
+
+TEST(FindBoards, MeasuresTheCirclesDiameterIfTheFileHasNone) {
+  const board::Board real{.type = board::BoardType::circles, .columns = 7, .rows = 5, .diameter = 0.016};
+  board::Board without = real, wrong = real;
+  without.diameter = 0;
+  wrong.diameter = 0.01;
+  const auto found = [&](const board::Board& in_file) {
+    CharucoPictures source({real, real});
+    return find_boards(source, board::BoardDetector(in_file), {.progress = false, .page = {}}, {});
+  };
+  EXPECT_NEAR(found(without).board.diameter, 0.016, 0.0005);
+  EXPECT_EQ(found(without).board_doubt, "");
+  EXPECT_EQ(found(real).board.diameter, 0.016);
+  EXPECT_THAT(found(wrong).board_doubt, testing::HasSubstr("one of the two lengths is wrong"));
 }
 
 // A chessboard carried past a camera before a room with things in it; some pictures are spoilt.

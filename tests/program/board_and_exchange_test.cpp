@@ -95,7 +95,7 @@ TEST_F(Commands, ImportAndExport) {
   const std::string before = text(path("back.yaml"));
   std::ofstream(path("bad.toml")) << "[cam_0]\nname = \"a\"\nsize = [640, 480]\n";
   EXPECT_EQ(run({"import", path("bad.toml"), "--rig", path("back.yaml")}), ExitStatus::failed);
-  EXPECT_THAT(said_, AllOf(HasSubstr("bad.toml:1"), HasSubstr("matrix")));
+  EXPECT_THAT(said_, AllOf(HasSubstr("bad.toml"), HasSubstr("no camera matrix")));
   EXPECT_EQ(before, text(path("back.yaml")));
   EXPECT_EQ(run({"import", path("out/calibration.toml"), "--unit", "furlong", "--rig", path("back.yaml")}),
             ExitStatus::failed);
