@@ -159,25 +159,62 @@ template <std::size_t lanes>
 // The AC coefficients, times their steps. Returns a number of 0 if there are none, of < 8 if they are in the first row.
 [[gnu::always_inline]] inline unsigned decode_coefficients(BitReader& reader, const ComponentTables& tables,
                                                            const std::int16_t* steps, JpegBlock& block) {
-  unsigned used = 0;
-  for (unsigned done = 1; done < 64;) {
-    reader.refill();
+  unsigned used = 0, done = 1;
+  // False: the block is complete. A code in the window takes 25 bits at most, another 31.
+  const auto take = [&]() __attribute__((always_inline)) {
     std::uint32_t entry = tables.symbol[reader.next(ComponentTables::symbol_window)];
-    if (entry == 0) entry = ac_symbol_entry(tables.ac_code.symbol(reader.next(16)));
+    if (entry == 0) [[unlikely]] {
+      reader.refill();
+      entry = ac_symbol_entry(tables.ac_code.symbol(reader.next(16)));
+    }
     const std::uint64_t bits = reader.bits() << (entry >> 8 & 63);
     const unsigned size = entry >> 24;
     reader.take(entry & 63);
     done += entry >> 16 & 255;
-    if (done > 64) break;
+    if (done > 64) return false;
     const std::size_t place = row_order[done - 1];
     block.coefficients[place] = static_cast<std::int16_t>(coded_value(bits, size) * steps[done - 1]);
     used |= size > 0 ? static_cast<unsigned>(place) : 0;
-  }
+    return done < 64;
+  };
+  do reader.refill();
+  while (take() && take());
   return used;
 }
 
+// Transforms blocks two by two, the short cuts alone.
+class Blocks {
+ public:
+  JpegBlock& next() { return blocks_[waiting_] = {}; }
+  // `used`: see decode_coefficients(), of the block that next() returned.
+  [[gnu::always_inline]] void transform(unsigned used, const BlockPixels& to) {
+    const JpegBlock& block = blocks_[waiting_];
+    if (used == 0) {
+      const std::uint8_t mean = jpeg_mean(block.coefficients[0]);
+      for (int v = 0; v < 8; ++v) std::memset(to.pixels + v * to.stride, mean, 8);
+    } else if (used < 8) {
+      inverse_transform(block, true, to.pixels, to.stride);
+    } else {
+      to_[waiting_++] = to;
+      if (waiting_ == 2) {
+        inverse_transform_two(blocks_, to_);
+        waiting_ = 0;
+      }
+    }
+  }
+  void finish() {
+    if (waiting_ == 1) inverse_transform(blocks_[0], false, to_[0].pixels, to_[0].stride);
+  }
+
+ private:
+  std::array<JpegBlock, 2> blocks_;
+  std::array<BlockPixels, 2> to_;
+  std::size_t waiting_ = 0;
+};
+
 [[gnu::always_inline]] inline void decode(const std::uint8_t* bytes, std::span<const std::uint32_t> positions,
                                           std::span<const DecodedBlock> blocks) {
+  Blocks transformed;
   for (std::size_t i = 0; i < positions.size(); ++i) {
     BitReader reader(bytes, positions[i]);
     const auto mcu = static_cast<std::ptrdiff_t>(i);
@@ -186,18 +223,13 @@ template <std::size_t lanes>
       const std::uint32_t start = b.tables->start[reader.next(ComponentTables::start_window)] >> 16;
       const HuffmanSymbol dc = start == 0 ? b.tables->dc_code.symbol(reader.next(16)) : HuffmanSymbol{};
       reader.take(start == 0 ? dc.bits + dc.value : (start & 255) + (start >> 8));
-      JpegBlock block;
+      JpegBlock& block = transformed.next();
       block.coefficients[0] = static_cast<std::int16_t>(b.dc[mcu * b.dc_step] * b.steps[0]);
       const unsigned used = decode_coefficients(reader, *b.tables, b.steps, block);
-      std::uint8_t* pixels = b.pixels + mcu * b.pixel_step;
-      if (used == 0) {
-        const std::uint8_t mean = jpeg_mean(block.coefficients[0]);
-        for (int v = 0; v < 8; ++v) std::memset(pixels + v * b.stride, mean, 8);
-      } else {
-        inverse_transform(block, used < 8, pixels, b.stride);
-      }
+      transformed.transform(used, {b.pixels + mcu * b.pixel_step, b.stride});
     }
   }
+  transformed.finish();
 }
 
 #ifdef HUETRACK_BMI2
