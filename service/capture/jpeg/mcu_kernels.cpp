@@ -59,35 +59,34 @@ template <std::size_t lanes>
                                               const std::array<std::uint32_t*, lanes>& position) {
   constexpr int start_shift = 64 - ComponentTables::start_window, skip_shift = 64 - ComponentTables::skip_window;
   const std::array<std::size_t, lanes> begin = bit;
-  std::array<int, lanes> done;  // coefficients - 64: negative while there are more
+  // Of each lane, in one number: the block's bits (low half), and its coefficients - 64: negative while there are more.
+  std::array<std::int32_t, lanes> done;
   for (std::size_t i = 0; i < lanes; ++i) {
-    const std::uint64_t bits = bits_at(bytes, bit[i]);
+    const std::uint64_t bits = bits_at(bytes, begin[i]);
     const std::uint32_t start = tables.start[bits >> start_shift];
     *difference[i] = static_cast<std::int16_t>(coded_value(bits << (start >> 16 & 63), start >> 24));
-    done[i] = static_cast<int>(start >> 8 & 255) - 64;
-    bit[i] += start & 255;
+    done[i] = (static_cast<std::int32_t>(start >> 8 & 255) - 64) * 65536 + static_cast<std::int32_t>(start & 255);
   }
-  const auto is_any_open = [&] {
-    int all = 0;
-    for (const int d : done) all |= d;
+  const auto is_any_open = [&]() __attribute__((always_inline)) {
+    std::int32_t all = 0;
+    for (const std::int32_t d : done) all |= d;
     return all < 0;
   };
   while (is_any_open()) {
     for (std::size_t i = 0; i < lanes; ++i) {
-      std::uint64_t bits = bits_at(bytes, bit[i]);
-      std::uint32_t entry = tables.skip[bits >> skip_shift];
-      entry &= static_cast<std::uint32_t>(done[i] >> 31);  // nothing if the block is complete
-      done[i] += static_cast<int>(entry >> 8);
-      bit[i] += entry & 255;
-      bits <<= entry & 63;
-      entry = tables.skip[bits >> skip_shift];
-      entry &= static_cast<std::uint32_t>(done[i] >> 31);  // nothing if the block is complete
-      done[i] += static_cast<int>(entry >> 8);
-      bit[i] += entry & 255;
+      const std::uint64_t bits = bits_at(bytes, begin[i] + static_cast<std::uint16_t>(done[i]));
+      const auto add = [&](std::uint32_t entry) __attribute__((always_inline)) {
+        entry &= static_cast<std::uint32_t>(done[i] >> 31);  // nothing if the block is complete
+        done[i] += static_cast<std::int32_t>(entry);
+        return entry;
+      };
+      const std::uint32_t first = add(tables.skip[bits >> skip_shift]);
+      add(tables.skip[bits << (first & 63) >> skip_shift]);
     }
   }
   for (std::size_t i = 0; i < lanes; ++i) {
-    if (is_block_complete(static_cast<unsigned>(done[i] + 64))) [[likely]]
+    bit[i] = begin[i] + static_cast<std::uint16_t>(done[i]);
+    if (is_block_complete(static_cast<unsigned>((done[i] >> 16) + 64))) [[likely]]
       continue;
     bit[i] = begin[i];
     if (skip_symbols(bytes, tables, bit[i], *difference[i])) continue;
@@ -131,6 +130,14 @@ template <std::size_t lanes>
   }
 }
 
+template <std::size_t lanes>
+[[gnu::always_inline]] inline void skip_open(const std::uint8_t* bytes, std::span<const ComponentTables* const> tables,
+                                             std::span<McuLane*> open) {
+  if constexpr (lanes > 1)
+    if (open.size() < lanes) return skip_open<lanes - 1>(bytes, tables, open);
+  skip_while_all<lanes>(bytes, tables, open);
+}
+
 [[gnu::always_inline]] inline void skip(const std::uint8_t* bytes, std::span<const ComponentTables* const> tables,
                                         std::span<McuLane> lanes) {
   std::array<McuLane*, most_mcu_lanes> open;
@@ -138,21 +145,8 @@ template <std::size_t lanes>
     std::size_t n = 0;
     for (McuLane& lane : lanes)
       if (!lane.is_at_end()) open[n++] = &lane;
-    switch (n) {
-      case 0:
-        return;
-      case 1:
-        skip_while_all<1>(bytes, tables, open);
-        break;
-      case 2:
-        skip_while_all<2>(bytes, tables, open);
-        break;
-      case 3:
-        skip_while_all<3>(bytes, tables, open);
-        break;
-      default:
-        skip_while_all<4>(bytes, tables, open);
-    }
+    if (n == 0) return;
+    skip_open<most_mcu_lanes>(bytes, tables, std::span(open).first(n));
   }
 }
 
