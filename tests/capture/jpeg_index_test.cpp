@@ -314,24 +314,28 @@ TEST(JpegIndex, DamagedBytesHaveTheDecodersVerdict) {
   EXPECT_LT(of(Indexed::left_to_decoder), of(Indexed::same) / 4);
 }
 
-// Any coefficients: the vector instructions and the plain code.
+// Any coefficients: the vector instructions, for one block and for two, and the plain code.
 TEST(InverseTransform, IsThePlainOne) {
   std::mt19937 random(5);
+  std::array<JpegBlock, 2> two;
   for (int round = 0; round < 20000; ++round) {
-    JpegBlock block;
-    const int most = round % 2 == 0 ? 32767 : 1200, used = round % 7 == 0 ? 8 : 64;
+    JpegBlock& block = two[static_cast<std::size_t>(round % 2)] = {};
+    const int most = round % 3 == 0 ? 32767 : 1200, used = round % 7 == 0 ? 8 : 64;
     for (int i = 0; i < used; ++i)
-      if (random() % 4 <= static_cast<unsigned>(round % 4))
+      if (random() % 4 <= static_cast<unsigned>(round / 2 % 4))
         block.coefficients[static_cast<std::size_t>(i)] =
-            static_cast<std::int16_t>(static_cast<int>(random() % (2U * most + 1)) - most);
-    std::array<std::uint8_t, 64> fast{}, plain{};
-    inverse_transform(block, used == 8, fast.data(), 8);
-    plain_inverse_transform(block, used == 8, plain.data(), 8);
+            static_cast<std::int16_t>(static_cast<int>(random() % static_cast<unsigned>(2 * most + 1)) - most);
+    std::array<std::array<std::uint8_t, 64>, 2> fast{}, plain{};
+    inverse_transform(block, used == 8, fast[0].data(), 8);
+    plain_inverse_transform(block, used == 8, plain[0].data(), 8);
+    ASSERT_EQ(fast[0], plain[0]) << round;
+    inverse_transform_two(two, {BlockPixels{fast[0].data(), 8}, BlockPixels{fast[1].data(), 8}});
+    for (std::size_t i = 0; i < 2; ++i) plain_inverse_transform(two[i], false, plain[i].data(), 8);
     ASSERT_EQ(fast, plain) << round;
     JpegBlock mean;
     mean.coefficients[0] = block.coefficients[0];
-    plain_inverse_transform(mean, true, plain.data(), 8);
-    ASSERT_THAT(plain, testing::Each(jpeg_mean(mean.coefficients[0])));
+    plain_inverse_transform(mean, true, plain[0].data(), 8);
+    ASSERT_THAT(plain[0], testing::Each(jpeg_mean(mean.coefficients[0])));
   }
 }
 

@@ -7,7 +7,7 @@
 namespace huetrack::capture {
 namespace {
 
-constexpr std::uint16_t beyond_window = 0xFF00;
+constexpr std::uint32_t beyond_window = 0xFF;  // coefficients
 constexpr unsigned most_advance = 63;  // of the symbols of one entry, so that sums of coefficients are unambiguous
 
 // Calls of(symbol) for each code of up to `longest` bits, in ascending order of the codes.
@@ -26,30 +26,29 @@ class SkipLevels {
   explicit SkipLevels(const HuffmanCode& ac) {
     for (int w = 1; w <= longest; ++w) make(w, ac);
   }
-  const std::uint16_t* level(int w) const { return entries_.data() + (std::size_t{1} << w); }
+  const std::uint32_t* level(int w) const { return entries_.data() + (std::size_t{1} << w); }
 
  private:
   void make(int w, const HuffmanCode& ac) {
-    std::uint16_t* next = entries_.data() + (std::size_t{1} << w);
+    std::uint32_t* next = entries_.data() + (std::size_t{1} << w);
     for_each_symbol(ac, w, [&](const HuffmanSymbol& symbol) {
       const std::uint32_t all = ac_symbol_entry(symbol);
       const unsigned bits = all & 255, advance = all >> 16 & 255, of_value = all >> 24;
       const int left = w - static_cast<int>(bits);
-      const unsigned entry = bits | advance << 8;
+      const std::uint32_t entry = bits | advance << 16;
       if (left <= 0 || advance == jpeg_block_end) {
-        next =
-            std::fill_n(next, std::size_t{1} << (w - static_cast<int>(symbol.bits)), static_cast<std::uint16_t>(entry));
+        next = std::fill_n(next, std::size_t{1} << (w - static_cast<int>(symbol.bits)), entry);
         return;
       }
-      const std::uint16_t* rest = level(left);
+      const std::uint32_t* rest = level(left);
       for (int i = 0; i < 1 << of_value; ++i)
-        next = std::transform(rest, rest + (std::size_t{1} << left), next, [&](std::uint16_t r) {
-          return static_cast<std::uint16_t>((r >> 8 & 127U) > most_advance - advance ? entry : entry + r);
+        next = std::transform(rest, rest + (std::size_t{1} << left), next, [&](std::uint32_t r) {
+          return (r >> 16 & 127U) > most_advance - advance ? entry : entry + r;
         });
     });
   }
 
-  std::array<std::uint16_t, std::size_t{2} << longest> entries_{};
+  std::array<std::uint32_t, std::size_t{2} << longest> entries_{};
 };
 
 }  // namespace
@@ -77,7 +76,7 @@ bool ComponentTables::make(const HuffmanCode& dc, const HuffmanCode& ac) {
   if (!dc_code.make(dc) || !ac_code.make(ac)) return false;
   const SkipLevels levels(ac);
   std::transform(levels.level(skip_window), levels.level(skip_window + 1), skip.begin(),
-                 [](std::uint16_t entry) { return entry == 0 ? beyond_window : entry; });
+                 [](std::uint32_t entry) { return entry == 0 ? beyond_window << 16 : entry; });
 
   symbol.fill(0);
   auto* next_symbol = symbol.data();
@@ -86,7 +85,7 @@ bool ComponentTables::make(const HuffmanCode& dc, const HuffmanCode& ac) {
         std::fill_n(next_symbol, std::size_t{1} << (symbol_window - static_cast<int>(s.bits)), ac_symbol_entry(s));
   });
 
-  start.fill(std::uint32_t{beyond_window});
+  start.fill(beyond_window << 8);
   auto* next = start.data();
   bool is_valid = true;
   for_each_symbol(dc, 16, [&](const HuffmanSymbol& s) {
@@ -98,9 +97,10 @@ bool ComponentTables::make(const HuffmanCode& dc, const HuffmanCode& ac) {
       next = std::fill_n(next, std::size_t{1} << (start_window - static_cast<int>(s.bits)), entry);
       return;
     }
-    const std::uint16_t* rest = levels.level(left);
+    const std::uint32_t* rest = levels.level(left);
     for (int i = 0; i < 1 << s.value; ++i)
-      next = std::transform(rest, rest + (std::size_t{1} << left), next, [&](std::uint16_t r) { return entry + r; });
+      next = std::transform(rest, rest + (std::size_t{1} << left), next,
+                            [&](std::uint32_t r) { return entry + (r & 255) + (r >> 16 << 8); });
   });
   if (!is_valid) return false;
   dc_ = dc;

@@ -62,10 +62,10 @@ struct ComponentTables {
   bool make(const HuffmanCode& dc, const HuffmanCode& ac);
 
   // By the next bits of AC coefficients: all symbols whose codes lie in the window, and the bits that code the last
-  // one's value, wherever they lie. Low byte: bits. High byte: coefficients, + jpeg_block_end if the last symbol is the
-  // block's end. 0xFF00: the first code is longer than the window, or there is none. An entry applies if no symbol but
+  // one's value, wherever they lie. Low half: bits. High half: coefficients, + jpeg_block_end if the last symbol is the
+  // block's end; 0xFF: the first code is longer than the window, or there is none. An entry applies if no symbol but
   // the last one completes the block: if the sum of coefficients is < 64 or is_block_complete().
-  std::array<std::uint16_t, std::size_t{1} << skip_window> skip;
+  std::array<std::uint32_t, std::size_t{1} << skip_window> skip;
   // By the first bits of a block: the DC coefficient, and AC coefficients as above. From the low byte: bits;
   // coefficients (0xFF as above); bits of the DC coefficient's code; bits of its value.
   std::array<std::uint32_t, std::size_t{1} << start_window> start;

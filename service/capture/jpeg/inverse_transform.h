@@ -20,6 +20,15 @@ void inverse_transform(const JpegBlock& block, bool is_first_row_only, std::uint
 void plain_inverse_transform(const JpegBlock& block, bool is_first_row_only, std::uint8_t* pixels,
                              std::ptrdiff_t stride);
 
+// Where the pixels of a block go: eight rows of eight.
+struct BlockPixels {
+  std::uint8_t* pixels = nullptr;
+  std::ptrdiff_t stride = 0;
+};
+// Two blocks at once, of which neither has its first row only. The second function is that for AVX2; false: not here.
+void inverse_transform_two(const std::array<JpegBlock, 2>& blocks, const std::array<BlockPixels, 2>& to);
+bool avx2_inverse_transform_two(const std::array<JpegBlock, 2>& blocks, const std::array<BlockPixels, 2>& to);
+
 // The value of all pixels of a block that has nothing but a DC coefficient: dequantised, modulo 2^16.
 inline std::uint8_t jpeg_mean(std::int16_t dc) {
   const int mean = (static_cast<std::int16_t>(dc * 4) + 16) >> 5;

@@ -59,35 +59,34 @@ template <std::size_t lanes>
                                               const std::array<std::uint32_t*, lanes>& position) {
   constexpr int start_shift = 64 - ComponentTables::start_window, skip_shift = 64 - ComponentTables::skip_window;
   const std::array<std::size_t, lanes> begin = bit;
-  std::array<int, lanes> done;  // coefficients - 64: negative while there are more
+  // Of each lane, in one number: the block's bits (low half), and its coefficients - 64: negative while there are more.
+  std::array<std::int32_t, lanes> done;
   for (std::size_t i = 0; i < lanes; ++i) {
-    const std::uint64_t bits = bits_at(bytes, bit[i]);
+    const std::uint64_t bits = bits_at(bytes, begin[i]);
     const std::uint32_t start = tables.start[bits >> start_shift];
     *difference[i] = static_cast<std::int16_t>(coded_value(bits << (start >> 16 & 63), start >> 24));
-    done[i] = static_cast<int>(start >> 8 & 255) - 64;
-    bit[i] += start & 255;
+    done[i] = (static_cast<std::int32_t>(start >> 8 & 255) - 64) * 65536 + static_cast<std::int32_t>(start & 255);
   }
-  const auto is_any_open = [&] {
-    int all = 0;
-    for (const int d : done) all |= d;
+  const auto is_any_open = [&]() __attribute__((always_inline)) {
+    std::int32_t all = 0;
+    for (const std::int32_t d : done) all |= d;
     return all < 0;
   };
   while (is_any_open()) {
     for (std::size_t i = 0; i < lanes; ++i) {
-      std::uint64_t bits = bits_at(bytes, bit[i]);
-      std::uint32_t entry = tables.skip[bits >> skip_shift];
-      entry &= static_cast<std::uint32_t>(done[i] >> 31);  // nothing if the block is complete
-      done[i] += static_cast<int>(entry >> 8);
-      bit[i] += entry & 255;
-      bits <<= entry & 63;
-      entry = tables.skip[bits >> skip_shift];
-      entry &= static_cast<std::uint32_t>(done[i] >> 31);  // nothing if the block is complete
-      done[i] += static_cast<int>(entry >> 8);
-      bit[i] += entry & 255;
+      const std::uint64_t bits = bits_at(bytes, begin[i] + static_cast<std::uint16_t>(done[i]));
+      const auto add = [&](std::uint32_t entry) __attribute__((always_inline)) {
+        entry &= static_cast<std::uint32_t>(done[i] >> 31);  // nothing if the block is complete
+        done[i] += static_cast<std::int32_t>(entry);
+        return entry;
+      };
+      const std::uint32_t first = add(tables.skip[bits >> skip_shift]);
+      add(tables.skip[bits << (first & 63) >> skip_shift]);
     }
   }
   for (std::size_t i = 0; i < lanes; ++i) {
-    if (is_block_complete(static_cast<unsigned>(done[i] + 64))) [[likely]]
+    bit[i] = begin[i] + static_cast<std::uint16_t>(done[i]);
+    if (is_block_complete(static_cast<unsigned>((done[i] >> 16) + 64))) [[likely]]
       continue;
     bit[i] = begin[i];
     if (skip_symbols(bytes, tables, bit[i], *difference[i])) continue;
@@ -131,6 +130,14 @@ template <std::size_t lanes>
   }
 }
 
+template <std::size_t lanes>
+[[gnu::always_inline]] inline void skip_open(const std::uint8_t* bytes, std::span<const ComponentTables* const> tables,
+                                             std::span<McuLane*> open) {
+  if constexpr (lanes > 1)
+    if (open.size() < lanes) return skip_open<lanes - 1>(bytes, tables, open);
+  skip_while_all<lanes>(bytes, tables, open);
+}
+
 [[gnu::always_inline]] inline void skip(const std::uint8_t* bytes, std::span<const ComponentTables* const> tables,
                                         std::span<McuLane> lanes) {
   std::array<McuLane*, most_mcu_lanes> open;
@@ -138,46 +145,70 @@ template <std::size_t lanes>
     std::size_t n = 0;
     for (McuLane& lane : lanes)
       if (!lane.is_at_end()) open[n++] = &lane;
-    switch (n) {
-      case 0:
-        return;
-      case 1:
-        skip_while_all<1>(bytes, tables, open);
-        break;
-      case 2:
-        skip_while_all<2>(bytes, tables, open);
-        break;
-      case 3:
-        skip_while_all<3>(bytes, tables, open);
-        break;
-      default:
-        skip_while_all<4>(bytes, tables, open);
-    }
+    if (n == 0) return;
+    skip_open<most_mcu_lanes>(bytes, tables, std::span(open).first(n));
   }
 }
 
 // The AC coefficients, times their steps. Returns a number of 0 if there are none, of < 8 if they are in the first row.
 [[gnu::always_inline]] inline unsigned decode_coefficients(BitReader& reader, const ComponentTables& tables,
                                                            const std::int16_t* steps, JpegBlock& block) {
-  unsigned used = 0;
-  for (unsigned done = 1; done < 64;) {
-    reader.refill();
+  unsigned used = 0, done = 1;
+  // False: the block is complete. A code in the window takes 25 bits at most, another 31.
+  const auto take = [&]() __attribute__((always_inline)) {
     std::uint32_t entry = tables.symbol[reader.next(ComponentTables::symbol_window)];
-    if (entry == 0) entry = ac_symbol_entry(tables.ac_code.symbol(reader.next(16)));
+    if (entry == 0) [[unlikely]] {
+      reader.refill();
+      entry = ac_symbol_entry(tables.ac_code.symbol(reader.next(16)));
+    }
     const std::uint64_t bits = reader.bits() << (entry >> 8 & 63);
     const unsigned size = entry >> 24;
     reader.take(entry & 63);
     done += entry >> 16 & 255;
-    if (done > 64) break;
+    if (done > 64) return false;
     const std::size_t place = row_order[done - 1];
     block.coefficients[place] = static_cast<std::int16_t>(coded_value(bits, size) * steps[done - 1]);
     used |= size > 0 ? static_cast<unsigned>(place) : 0;
-  }
+    return done < 64;
+  };
+  do reader.refill();
+  while (take() && take());
   return used;
 }
 
+// Transforms blocks two by two, the short cuts alone.
+class Blocks {
+ public:
+  JpegBlock& next() { return blocks_[waiting_] = {}; }
+  // `used`: see decode_coefficients(), of the block that next() returned.
+  [[gnu::always_inline]] void transform(unsigned used, const BlockPixels& to) {
+    const JpegBlock& block = blocks_[waiting_];
+    if (used == 0) {
+      const std::uint8_t mean = jpeg_mean(block.coefficients[0]);
+      for (int v = 0; v < 8; ++v) std::memset(to.pixels + v * to.stride, mean, 8);
+    } else if (used < 8) {
+      inverse_transform(block, true, to.pixels, to.stride);
+    } else {
+      to_[waiting_++] = to;
+      if (waiting_ == 2) {
+        inverse_transform_two(blocks_, to_);
+        waiting_ = 0;
+      }
+    }
+  }
+  void finish() {
+    if (waiting_ == 1) inverse_transform(blocks_[0], false, to_[0].pixels, to_[0].stride);
+  }
+
+ private:
+  std::array<JpegBlock, 2> blocks_;
+  std::array<BlockPixels, 2> to_;
+  std::size_t waiting_ = 0;
+};
+
 [[gnu::always_inline]] inline void decode(const std::uint8_t* bytes, std::span<const std::uint32_t> positions,
                                           std::span<const DecodedBlock> blocks) {
+  Blocks transformed;
   for (std::size_t i = 0; i < positions.size(); ++i) {
     BitReader reader(bytes, positions[i]);
     const auto mcu = static_cast<std::ptrdiff_t>(i);
@@ -186,18 +217,13 @@ template <std::size_t lanes>
       const std::uint32_t start = b.tables->start[reader.next(ComponentTables::start_window)] >> 16;
       const HuffmanSymbol dc = start == 0 ? b.tables->dc_code.symbol(reader.next(16)) : HuffmanSymbol{};
       reader.take(start == 0 ? dc.bits + dc.value : (start & 255) + (start >> 8));
-      JpegBlock block;
+      JpegBlock& block = transformed.next();
       block.coefficients[0] = static_cast<std::int16_t>(b.dc[mcu * b.dc_step] * b.steps[0]);
       const unsigned used = decode_coefficients(reader, *b.tables, b.steps, block);
-      std::uint8_t* pixels = b.pixels + mcu * b.pixel_step;
-      if (used == 0) {
-        const std::uint8_t mean = jpeg_mean(block.coefficients[0]);
-        for (int v = 0; v < 8; ++v) std::memset(pixels + v * b.stride, mean, 8);
-      } else {
-        inverse_transform(block, used < 8, pixels, b.stride);
-      }
+      transformed.transform(used, {b.pixels + mcu * b.pixel_step, b.stride});
     }
   }
+  transformed.finish();
 }
 
 [[gnu::always_inline]] inline std::uint64_t swing_of(BitReader& reader, const ComponentTables& tables,

@@ -21,7 +21,7 @@ struct McuLane {
   static constexpr std::uint32_t not_decodable = std::uint32_t{1} << 31;
   bool is_at_end() const { return bit >= stop || left == 0; }
 };
-constexpr std::size_t most_mcu_lanes = 4;
+constexpr std::size_t most_mcu_lanes = 6;
 
 // Skips the MCUs of up to most_mcu_lanes lanes, until all are at their end. Independent lanes take turns, which hides
 // the time that each waits for its tables. An MCU that is not decodable (no codes, or more than 64 coefficients) is
