@@ -8,11 +8,12 @@ namespace huetrack::view_watch {
 namespace {
 
 struct JumpTuning {
-  double least_radii = 5;       // of a jump, in every view: 0.2 m for a ball of 4 cm
-  double times_the_steps = 5;   // of the steps before and after it; a throw, a bounce has steps of its length beside it
-  std::size_t longest_run = 2;  // jumps without a smooth step in between: one picture out of place
-  double window_s = 3;          // in which they are counted
-  int least_count = 4;          // there: an object of the colour that appears as another leaves is rarer
+  double least_radii = 5;         // of a jump, in every view: 0.2 m for a ball of 4 cm
+  double times_the_speed = 5;     // of the steps before and after it; a throw, a bounce is as fast beside it
+  double longest_step_s = 0.2;    // unseen for longer, it may be anywhere
+  std::size_t longest_run = 2;    // jumps without a smooth step in between: one picture out of place
+  double window_s = 3;            // in which they are counted
+  int least_count = 4;            // there: an object of the colour that appears as another leaves is rarer
   std::size_t least_cameras = 2;  // that see them
 };
 constexpr JumpTuning tuning{};
@@ -24,30 +25,31 @@ void JumpWatch::look(std::span<const object_tracking::SeenRegion> regions, doubl
   std::vector<int> counts(last_.size(), 0);
   for (const auto& region : regions) {
     const auto c = static_cast<std::size_t>(region.camera);
-    if (c < now.size()) now[c] = ++counts[c] == 1 ? Only{region.px, region.radius_px} : Only{};
+    if (c < now.size()) now[c] = ++counts[c] == 1 ? Only{region.px, region.radius_px, now_s} : Only{};
   }
-  Step step{now_s, std::numeric_limits<double>::infinity()};
+  constexpr double far = std::numeric_limits<double>::infinity();
+  Step step{now_s, far, far};
   std::size_t views = 0;
   for (std::size_t c = 0; c < now.size(); ++c) {
-    if (now[c].radius_px <= 0 || last_[c].radius_px <= 0) continue;
+    if (counts[c] == 0) continue;  // its last one stays
+    const Only before = std::exchange(last_[c], now[c]);
+    const double since_s = now_s - before.at_s;
+    if (now[c].radius_px <= 0 || before.radius_px <= 0 || since_s <= 0 || since_s > tuning.longest_step_s) continue;
     ++views;
-    step.radii =
-        std::min(step.radii, (now[c].px - last_[c].px).norm() / std::min(now[c].radius_px, last_[c].radius_px));
+    const double radii = (now[c].px - before.px).norm() / std::min(now[c].radius_px, before.radius_px);
+    step = {now_s, std::min(step.radii, radii), std::min(step.speed, radii / since_s)};
   }
-  last_ = std::move(now);
   while (!jumps_.empty() && jumps_.front().at_s < now_s - tuning.window_s) jumps_.pop_front();
-  if (views < tuning.least_cameras) {
-    steps_.clear();
-    return;
-  }
+  if (!steps_.empty() && steps_.back().at_s < now_s - tuning.longest_step_s) steps_.clear();
+  if (views < tuning.least_cameras) return;
   steps_.push_back(step);
   if (steps_.size() > tuning.longest_run + 2) steps_.pop_front();
   // A run of large steps that has just ended, with a small one on either side.
   for (std::size_t run = 1; run <= tuning.longest_run && steps_.size() >= run + 2; ++run) {
     const auto first = steps_.end() - 1 - static_cast<std::ptrdiff_t>(run);
-    const double beside = std::max((first - 1)->radii, steps_.back().radii);
+    const double beside = std::max((first - 1)->speed, steps_.back().speed);
     const auto is_jump = [&](const Step& s) {
-      return s.radii > tuning.least_radii && s.radii > tuning.times_the_steps * beside;
+      return s.radii > tuning.least_radii && s.speed > tuning.times_the_speed * beside;
     };
     if (!std::all_of(first, steps_.end() - 1, is_jump)) continue;
     for (auto jump = first; jump != steps_.end() - 1; ++jump) jumps_.push_back({jump->at_s, jump->radii * radius_m});

@@ -30,13 +30,15 @@ class JumpWatch {
   std::optional<Jumps> jumps() const;
 
  private:
-  struct Only {  // the only region of a camera in a set
+  struct Only {  // the only region of a camera, last seen
     Eigen::Vector2d px = Eigen::Vector2d::Zero();
     double radius_px = 0;  // 0: none, or several
+    double at_s = 0;
   };
-  struct Step {  // from one set to the next
+  struct Step {  // from the set before that shows the object; after a jump the tracker looks elsewhere for some sets
     double at_s;
     double radii;  // the smallest of all views, in radii of the object
+    double speed;  // radii / s
   };
   struct Jump {
     double at_s, size_m;

@@ -19,16 +19,16 @@ using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::SizeIs;
 
-struct Played {
+struct FieldPlay {
   std::vector<int> shown;         // by the picture; -1: corrupted
   std::vector<double> at_frames;  // times * fps
   std::vector<capture::Image> images;
   std::vector<std::string> warnings;
 };
 
-constexpr int fps = 10;  // of all clips
+constexpr int field_fps = 10;  // of all clips
 
-Played play(const std::filesystem::path& frames, double given_fps = 0) {
+FieldPlay play_field(const std::filesystem::path& frames, double given_fps = 0) {
   Recording recording;
   recording.file = "recording.yaml";
   recording.cameras.resize(1);
@@ -37,11 +37,11 @@ Played play(const std::filesystem::path& frames, double given_fps = 0) {
   recording.cameras[0].fps = given_fps;
   const std::vector<std::string> names{"cam"};
   ReplaySource source(recording, names, {});
-  Played played;
+  FieldPlay played;
   while (const auto frame = source.next({})) {
     const bool is_whole = frame->status == capture::FrameStatus::ok;
     played.shown.push_back(is_whole ? capture::frame_shown_by(frame->pixels) : -1);
-    played.at_frames.push_back(capture::seconds(frame->stamped_at) * fps);
+    played.at_frames.push_back(capture::seconds(frame->stamped_at) * field_fps);
     if (is_whole) played.images.push_back(frame->pixels);
   }
   played.warnings = source.take_warnings();
@@ -55,7 +55,7 @@ std::vector<int> numbers_to(int count) {
 }
 
 // At even times, from whenever on.
-void expect_even_times(const Played& played) {
+void expect_even_times(const FieldPlay& played) {
   for (std::size_t k = 0; k < played.at_frames.size(); ++k)
     EXPECT_NEAR(played.at_frames[k] - played.at_frames[0], double(k), 0.03) << k;
 }
@@ -76,9 +76,9 @@ Clip with_b_frames(const std::string& codec = "mpeg4") {
 // ---- Times and order
 
 TEST_F(FieldFile, BFramesInAviHaveTheTimesOfTheirPlace) {
-  for (const std::string codec : {"mpeg4", "libx264", "mpeg2video"})
+  for (const std::string codec : {"mpeg4", "libx264"})
     for (const double given : {0., 10.}) {
-      const Played played = play(write("a.avi", with_b_frames(codec)), given);
+      const FieldPlay played = play_field(write("a.avi", with_b_frames(codec)), given);
       EXPECT_THAT(played.shown, numbers_to(18)) << codec;
       expect_even_times(played);
       EXPECT_THAT(played.warnings, IsEmpty()) << codec;
@@ -93,12 +93,12 @@ TEST_F(FieldFile, StampsInTheOrderOfDecodingAreNamedAndPutInOrder) {
         packet.pts = packet.dts = k - 2;
         return true;
       };
-      const Played played = play(write(file, clip));
+      const FieldPlay played = play_field(write(file, clip));
       EXPECT_THAT(played.shown, numbers_to(18)) << file << codec;
       expect_even_times(played);
       EXPECT_THAT(played.warnings, ElementsAre(AllOf(HasSubstr(file), HasSubstr("in the order in which"),
                                                      HasSubstr("give timestamps"))));
-      const Played given = play(folder / file, fps);
+      const FieldPlay given = play_field(folder / file, field_fps);
       EXPECT_THAT(given.shown, numbers_to(18)) << file << codec;
       EXPECT_THAT(given.warnings, IsEmpty()) << file << codec;
     }
@@ -114,7 +114,7 @@ TEST_F(FieldFile, TrimmedFilesBeginAtTheirFirstFrameAndAreWhole) {
         packet.pts -= 4, packet.dts -= 4;
         return true;
       };
-      const Played played = play(write(file, clip));
+      const FieldPlay played = play_field(write(file, clip));
       EXPECT_THAT(played.warnings, IsEmpty()) << file << codec;
       ASSERT_THAT(played.shown, SizeIs(14)) << file << codec;
       for (int k = 0; k < 14; ++k) EXPECT_EQ(played.shown[std::size_t(k)], k + 4) << file << codec;
@@ -123,18 +123,15 @@ TEST_F(FieldFile, TrimmedFilesBeginAtTheirFirstFrameAndAreWhole) {
     }
 }
 
-TEST_F(FieldFile, StampsThatGoBackAreCounted) {
-  Clip clip{.frames = 10};
-  clip.tamper = [](int k, AVPacket& packet) {
-    if (k >= 6) packet.pts -= 3, packet.dts -= 3;
-    return true;
-  };
-  write("a.nut", clip);
-  const Played played = play(folder / "a.nut");
-  EXPECT_THAT(played.warnings,
-              Contains(AllOf(HasSubstr("go back, first at frame 6 (at 0.500 s), by up to 0.200 s: 3 frames"),
-                             HasSubstr("give fps or timestamps"))));
-  EXPECT_THAT(play(folder / "a.nut", fps).shown, numbers_to(10));
+TEST_F(FieldFile, StampsThatGoBackAreCounted) {  // two files as one
+  write("a.ts", {.codec = "mpeg2video", .format = AV_PIX_FMT_YUV420P, .fps = 25});
+  const std::string bytes = capture::read_bytes(folder / "a.ts");
+  capture::write_text(folder / "twice.ts", bytes + bytes);
+  const FieldPlay played = play_field(folder / "twice.ts");
+  EXPECT_GE(played.shown.size(), 11u);
+  EXPECT_THAT(played.warnings, Contains(AllOf(HasSubstr("go back, first at frame 1"), HasSubstr("frames are left out"),
+                                              HasSubstr("give fps or timestamps"))));
+  EXPECT_GE(play_field(folder / "twice.ts", 25).images.size(), 22u);
 }
 
 // ---- Remarks
@@ -154,7 +151,7 @@ TEST_F(FieldFile, DamagedSupplementalMessagesAreNoLostPictures) {
         std::memcpy(packet.data, message.data(), message.size());
         return true;
       };
-      const Played played = play(write(file, clip));
+      const FieldPlay played = play_field(write(file, clip));
       EXPECT_THAT(played.shown, numbers_to(18)) << file << codec;
       EXPECT_THAT(played.warnings, IsEmpty()) << file << codec;
     }
@@ -170,8 +167,8 @@ TEST_F(FieldFile, OnlyTheFirstFieldOfInterlacedFramesIsShown) {
   for (const Kind& kind : {Kind{"a.mkv", "ffv1", AV_PIX_FMT_YUV422P}, Kind{"a.ts", "mpeg2video", AV_PIX_FMT_YUV420P},
                            Kind{"a.mp4", "libx264", AV_PIX_FMT_YUV420P}, Kind{"a.mov", "mpeg4", AV_PIX_FMT_YUV420P}})
     for (const auto fields : {Clip::Fields::top_first, Clip::Fields::bottom_first}) {
-      Clip clip{.codec = kind.codec, .format = kind.format, .height = 64, .fields = fields};
-      const Played played = play(write(kind.file, clip));
+      const Clip clip{.codec = kind.codec, .format = kind.format, .height = 64, .fps = 25, .fields = fields};
+      const FieldPlay played = play_field(write(kind.file, clip));
       EXPECT_THAT(played.shown, numbers_to(12)) << kind.codec << int(fields);
       for (const capture::Image& image : played.images)
         for (int v = image.height / 2 - 2; v <= image.height / 2 + 2; ++v)
@@ -183,9 +180,9 @@ TEST_F(FieldFile, OnlyTheFirstFieldOfInterlacedFramesIsShown) {
 TEST_F(FieldFile, PicturesAreTurnedAsTheirTagSays) {
   for (const double degrees : {90., 180., 270.}) {
     Clip clip{.codec = "mpeg4", .format = AV_PIX_FMT_YUV420P, .frames = 2};
-    const Played stored = play(write("a.mp4", clip));
+    const FieldPlay stored = play_field(write("a.mp4", clip));
     clip.turned_deg = degrees;
-    const Played played = play(write("a.mov", clip));
+    const FieldPlay played = play_field(write("a.mov", clip));
     const capture::Image &from = stored.images[0], &to = played.images[0];
     const bool swaps = degrees != 180;
     ASSERT_EQ(to.width, swaps ? from.height : from.width);
@@ -206,7 +203,7 @@ TEST_F(FieldFile, PicturesAreTurnedAsTheirTagSays) {
 
 TEST_F(FieldFile, PixelsThatAreNotSquareAreNamed) {
   const Clip clip{.codec = "mpeg4", .format = AV_PIX_FMT_YUV420P, .pixel_shape = {4, 3}};
-  const Played played = play(write("a.mkv", clip));
+  const FieldPlay played = play_field(write("a.mkv", clip));
   EXPECT_THAT(played.shown, numbers_to(12));
   EXPECT_THAT(played.warnings, ElementsAre(HasSubstr("has pixels of 1.333 : 1")));
 }
@@ -222,21 +219,21 @@ void PrintTo(const Format& format, std::ostream* out) {
   *out << format.codec << " in " << format.file;
 }
 
-class EveryFormat : public testing::TestWithParam<Format> {};
+class EveryAllowedFormat : public testing::TestWithParam<Format> {};
 
-TEST_P(EveryFormat, ShowsEveryPicture) {
+TEST_P(EveryAllowedFormat, ShowsEveryPicture) {
   const Format& kind = GetParam();
   const capture::TemporaryFolder folder;
   Clip clip{.codec = kind.codec, .format = kind.format, .width = kind.width, .height = kind.height, .fps = 25};
   capture::write_clip(folder / kind.file, clip);
-  const Played played = play(folder / kind.file, 25);
+  const FieldPlay played = play_field(folder / kind.file, 25);
   EXPECT_THAT(played.shown, numbers_to(12));
   EXPECT_THAT(played.warnings, testing::Each(HasSubstr("is interlaced")));  // DV always is
 }
 
 constexpr auto yuv420 = AV_PIX_FMT_YUV420P;
 INSTANTIATE_TEST_SUITE_P(
-    Containers, EveryFormat,
+    Containers, EveryAllowedFormat,
     testing::Values(Format{"a.mkv", "libx264", yuv420}, Format{"a.webm", "libvpx", yuv420},
                     Format{"a.mov", "prores", AV_PIX_FMT_YUV422P10}, Format{"a.mp4", "libx265", yuv420, 64, 64},
                     Format{"a.avi", "mpeg4", yuv420}, Format{"a.mjpeg", "mjpeg", AV_PIX_FMT_YUVJ420P},
@@ -251,7 +248,7 @@ INSTANTIATE_TEST_SUITE_P(
                     Format{"a.rm", "rv10", yuv420, 176, 144}, Format{"a.wtv", "mpeg2video", yuv420},
                     Format{"a.mxf", "mpeg2video", yuv420}));
 INSTANTIATE_TEST_SUITE_P(
-    Images, EveryFormat,
+    Images, EveryAllowedFormat,
     testing::Values(Format{"%d.png", "png", AV_PIX_FMT_RGB24}, Format{"%d.jpg", "mjpeg", AV_PIX_FMT_YUVJ420P},
                     Format{"%d.bmp", "bmp", AV_PIX_FMT_BGR24}, Format{"%d.tiff", "tiff", AV_PIX_FMT_RGB24},
                     Format{"%d.tif", "tiff", AV_PIX_FMT_GRAY8}, Format{"%d.webp", "libwebp", yuv420},
@@ -278,7 +275,7 @@ TEST(FieldCases, ArePlayedWhole) {
                                                                       {"tiff/ff0001.tif", 1},
                                                                       {"glob_order/cam0/*.jpg", 120}}) {
     const bool is_still = file.find(".mp4") == std::string::npos && file.find(".avi") == std::string::npos;
-    const Played played = play(cases / file, is_still ? 30 : 0);
+    const FieldPlay played = play_field(cases / file, is_still ? 30 : 0);
     EXPECT_THAT(played.shown, SizeIs(count)) << file;
     EXPECT_THAT(played.images, SizeIs(count)) << file;
     for (const auto& warning : played.warnings) EXPECT_THAT(warning, testing::Not(HasSubstr("decode"))) << file;

@@ -1,35 +1,107 @@
 #include "capture/ffmpeg/stream_decoder.h"
 
-extern "C" {
-#include <libavcodec/bsf.h>
-#include <libavutil/opt.h>
-}
-
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <memory>
+#include <optional>
+#include <span>
 #include <utility>
+#include <vector>
 
 namespace huetrack::capture {
 namespace {
 
-// Numbers of NAL units with supplemental enhancement information; nullptr: the codec has none.
-const char* message_units(AVCodecID codec) {
-  return codec == AV_CODEC_ID_H264 ? "6" : codec == AV_CODEC_ID_HEVC ? "39-40" : nullptr;
+using Bytes = std::span<std::uint8_t>;
+
+// A picture consists of units (ITU-T H.264, H.265: NAL units). Length and start of the first one in the bytes; nullopt:
+// none.
+struct Unit {
+  std::size_t begin, end;  // of its own bytes, after the length or start code
+};
+std::optional<Unit> first_unit(Bytes bytes, int length_bytes) {
+  constexpr std::array<std::uint8_t, 3> start_code{0, 0, 1};
+  if (length_bytes == 0) {
+    const auto start = std::ranges::search(bytes, start_code);
+    if (start.empty()) return std::nullopt;
+    const auto next = std::ranges::search(std::span(start.end(), bytes.end()), start_code);
+    return Unit{
+        std::size_t(start.end() - bytes.begin()),
+        bytes.size() - std::size_t(next.empty() ? 0 : std::to_address(bytes.end()) - std::to_address(next.begin()))};
+  }
+  const auto prefix = static_cast<std::size_t>(length_bytes);
+  if (bytes.size() <= prefix) return std::nullopt;
+  std::size_t length = 0;
+  for (std::size_t i = 0; i < prefix; ++i) length = length << 8 | bytes[i];
+  if (length > bytes.size() - prefix) return std::nullopt;
+  return Unit{prefix, prefix + length};
 }
 
-AVBSFContext* filter_without(const char* units, const AVStream& stream) {
-  const AVBitStreamFilter* kind = av_bsf_get_by_name("filter_units");
-  AVBSFContext* filter = nullptr;
-  if (kind == nullptr || av_bsf_alloc(kind, &filter) < 0) return nullptr;
-  if (avcodec_parameters_copy(filter->par_in, stream.codecpar) < 0 ||
-      av_opt_set(filter->priv_data, "remove_types", units, 0) < 0 || av_bsf_init(filter) < 0)
-    av_bsf_free(&filter);
-  return filter;
+// Supplemental messages that the decoder uses (which fields a picture has, where it may start), and whole.
+bool are_needed(Bytes unit) {
+  std::vector<std::uint8_t> plain;  // without the bytes that keep start codes out
+  for (std::size_t i = 1; i < unit.size(); ++i)
+    if (i < 3 || unit[i] != 3 || unit[i - 1] != 0 || unit[i - 2] != 0) plain.push_back(unit[i]);
+  while (!plain.empty() && plain.back() == 0) plain.pop_back();
+  constexpr std::size_t buffering_period = 0, picture_timing = 1, recovery_point = 6;
+  constexpr std::size_t user_data = 5,
+                        least_user_data = 16;         // bytes; names the encoder, for whose faults FFmpeg allows
+  for (std::size_t at = 0; at + 1 < plain.size();) {  // the last byte is a stop bit
+    const auto number = [&] {
+      std::size_t sum = 0;
+      while (at < plain.size() && plain[at] == 0xFF) sum += plain[at++];
+      return at < plain.size() ? sum + plain[at++] : sum;
+    };
+    const std::size_t type = number(), size = number();
+    const bool is_used = type == buffering_period || type == picture_timing || type == recovery_point ||
+                         (type == user_data && size >= least_user_data);
+    if (!is_used || size > plain.size() - at) return false;
+    at += size;
+  }
+  return true;
+}
+
+enum class UnitKind { slice, dropped, other };
+UnitKind kind_of(AVCodecID codec, Bytes unit) {
+  if (unit.empty()) return UnitKind::other;
+  if (codec == AV_CODEC_ID_HEVC) {
+    constexpr int first_of_no_slice = 32, messages = 39;  // those before the picture
+    const int type = (unit[0] >> 1) & 63;
+    return type < first_of_no_slice ? UnitKind::slice : type == messages ? UnitKind::dropped : UnitKind::other;
+  }
+  constexpr int last_of_slices = 5, messages = 6;
+  const int type = unit[0] & 31;
+  if (type >= 1 && type <= last_of_slices) return UnitKind::slice;
+  return type == messages && !are_needed(unit) ? UnitKind::dropped : UnitKind::other;
+}
+
+// They come before the picture's slices.
+void remove_messages(AVPacket& packet, AVCodecID codec, int length_bytes) {
+  if (av_packet_make_writable(&packet) < 0) return;
+  const Bytes all(packet.data, static_cast<std::size_t>(packet.size));
+  std::size_t kept = 0, at = 0;
+  while (const auto unit = first_unit(all.subspan(at), length_bytes)) {
+    const UnitKind kind = kind_of(codec, all.subspan(at + unit->begin, unit->end - unit->begin));
+    if (kind == UnitKind::slice) break;
+    if (kind != UnitKind::dropped) {
+      std::memmove(packet.data + kept, packet.data + at, unit->end);
+      kept += unit->end;
+    }
+    at += unit->end;
+  }
+  if (kept == at || all.size() == at) return;  // nothing to remove, or no picture: the decoder's to judge
+  std::memmove(packet.data + kept, packet.data + at, all.size() - at);
+  av_shrink_packet(&packet, static_cast<int>(kept + all.size() - at));
+}
+
+// By the configuration record (avcC, hvcC) that such streams have.
+int length_bytes_of(const AVCodecParameters& parameters) {
+  const std::span<const std::uint8_t> record(parameters.extradata, static_cast<std::size_t>(parameters.extradata_size));
+  const std::size_t at = parameters.codec_id == AV_CODEC_ID_H264 ? 4 : 21;  // ISO 14496-15
+  return record.size() > at && record[0] == 1 ? (record[at] & 3) + 1 : 0;
 }
 
 }  // namespace
-
-void FreeFilter::operator()(AVBSFContext* p) const {
-  av_bsf_free(&p);
-}
 
 int StreamDecoder::open(const AVStream* stream, const AVCodec& decoder, const DecoderOptions& options) {
   codec_.reset(not_null(avcodec_alloc_context3(&decoder)));
@@ -48,36 +120,27 @@ int StreamDecoder::open(const AVStream* stream, const AVCodec& decoder, const De
   if (const int e = avcodec_open2(codec_.get(), &decoder, nullptr); e < 0) return e;
 
   parser_.reset();
-  remove_messages_.reset();
   unpaired_field_ = 0;
-  if (const char* units = message_units(decoder.id); units != nullptr && stream != nullptr) {
-    parser_.reset(av_parser_init(decoder.id));
-    headers_.reset(not_null(avcodec_alloc_context3(&decoder)));
-    if (const int e = avcodec_parameters_to_context(headers_.get(), stream->codecpar); e < 0) return e;
-    if (parser_) parser_->flags |= PARSER_FLAG_COMPLETE_FRAMES;
-    remove_messages_.reset(filter_without(units, *stream));
-  }
+  length_bytes_ = stream != nullptr ? length_bytes_of(*stream->codecpar) : 0;
+  if (decoder.id != AV_CODEC_ID_H264 || stream == nullptr) return 0;
+  parser_.reset(av_parser_init(decoder.id));
+  headers_.reset(not_null(avcodec_alloc_context3(&decoder)));
+  if (const int e = avcodec_parameters_to_context(headers_.get(), stream->codecpar); e < 0) return e;
+  if (parser_) parser_->flags |= PARSER_FLAG_COMPLETE_FRAMES;
   return 0;
 }
 
 bool StreamDecoder::examine(AVPacket& packet) {
-  if (!parser_ || packet.size == 0) return true;
-  FfmpegLog remarks;
-  {
-    const FfmpegLogScope scope(remarks);
-    std::uint8_t* out = nullptr;
-    int size = 0;
-    av_parser_parse2(parser_.get(), headers_.get(), &out, &size, packet.data, packet.size, packet.pts, packet.dts,
-                     packet.pos);
-    if (remarks.count() > 0 && remove_messages_) {
-      PacketPtr rest(av_packet_clone(&packet));  // the filter takes it
-      if (rest && av_bsf_send_packet(remove_messages_.get(), rest.get()) == 0 &&
-          av_bsf_receive_packet(remove_messages_.get(), rest.get()) == 0 && rest->size > 0) {
-        av_packet_unref(&packet);
-        av_packet_move_ref(&packet, rest.get());
-      }
-    }
-  }
+  const AVCodecID codec = codec_->codec_id;
+  if (packet.size == 0 || (codec != AV_CODEC_ID_H264 && codec != AV_CODEC_ID_HEVC)) return true;
+  remove_messages(packet, codec, length_bytes_);
+  if (!parser_) return true;
+  FfmpegLog remarks;  // the decoder will repeat what matters
+  const FfmpegLogScope scope(remarks);
+  std::uint8_t* out = nullptr;
+  int size = 0;
+  av_parser_parse2(parser_.get(), headers_.get(), &out, &size, packet.data, packet.size, packet.pts, packet.dts,
+                   packet.pos);
   const int structure = parser_->picture_structure;
   const bool is_field = structure == AV_PICTURE_STRUCTURE_TOP_FIELD || structure == AV_PICTURE_STRUCTURE_BOTTOM_FIELD;
   const int before = std::exchange(unpaired_field_, 0);

@@ -4,15 +4,10 @@
 #include "capture/ffmpeg/ffmpeg_log.h"
 #include "capture/ffmpeg/ffmpeg_objects.h"
 
-struct AVBSFContext;
-
 namespace huetrack::capture {
 
 struct FreeParser {
   void operator()(AVCodecParserContext* p) const { av_parser_close(p); }
-};
-struct FreeFilter {
-  void operator()(AVBSFContext* p) const;
 };
 
 struct DecoderOptions {
@@ -31,9 +26,9 @@ class StreamDecoder {
   bool is_open() const { return codec_ != nullptr; }
   const AVCodecContext& codec() const { return *codec_; }
 
-  // Before send(): reads the packet's headers. Removes supplemental messages that are damaged, which some cameras write
-  // into every picture: without them the decoder's errors are those of the picture. False: the packet only adds the
-  // second field to the picture that the packet before began.
+  // Before send(). Removes supplemental messages that are damaged, which some cameras write into every picture, or that
+  // nothing needs: the decoder's errors are then those of the picture. False: the packet only adds the second field to
+  // the picture that the packet before began.
   bool examine(AVPacket& packet);
 
   int send(const AVPacket* packet) { return avcodec_send_packet(codec_.get(), packet); }  // nullptr: the end
@@ -41,10 +36,9 @@ class StreamDecoder {
 
  private:
   CodecPtr codec_;
-  // Only for codecs that have supplemental messages and fields in packets of their own.
-  std::unique_ptr<AVCodecParserContext, FreeParser> parser_;
-  CodecPtr headers_;  // the parser's
-  std::unique_ptr<AVBSFContext, FreeFilter> remove_messages_;
+  std::unique_ptr<AVCodecParserContext, FreeParser> parser_;  // for H.264, whose fields may have packets of their own
+  CodecPtr headers_;                                          // the parser's
+  int length_bytes_ = 0;    // of the length before every unit of H.264 and HEVC; 0: start codes
   int unpaired_field_ = 0;  // AVPictureStructure of the packet before; 0: none
 };
 
