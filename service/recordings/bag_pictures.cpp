@@ -69,6 +69,7 @@ std::string other_topics(const bags::Contents& contents) {
   for (const bags::BagTopic& topic : contents.topics)
     list += fmt::format("{}{} ({})", list.empty() ? "" : ", ", files::printable(topic.name, 80),
                         files::printable(topic.type, 80));
+  if (list.empty() && !contents.warnings.empty()) return "nothing of it is left: " + contents.warnings.front();
   return list.empty() ? "it holds no messages" : "its topics are " + files::printable(list, 600);
 }
 

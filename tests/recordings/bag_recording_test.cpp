@@ -350,7 +350,12 @@ TEST_F(BagRecording, PlaysACutOffBagUpToTheCut) {
     for (int percent = 40; percent < 100; percent += 6) {
       SCOPED_TRACE(kind.name + " " + std::to_string(percent) + " %");
       const auto bag = write("cut", kind.bytes.substr(0, kind.bytes.size() * static_cast<std::size_t>(percent) / 100));
-      const Played played = play(bag);
+      Played played;
+      const std::string error = error_of([&] { played = play(bag); });
+      if (error != "(accepted)") {  // the cut is before the first picture
+        EXPECT_THAT(error, AllOf(HasSubstr("nothing of it is left"), HasSubstr("cut off")));
+        continue;
+      }
       for (const auto& [camera, shown] : played.shown)
         for (std::size_t k = 0; k < shown.size(); ++k) {
           EXPECT_EQ(shown[k], static_cast<int>(k));
