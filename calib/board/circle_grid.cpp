@@ -47,10 +47,10 @@ std::optional<Blob> ellipse_of(const std::vector<cv::Point>& contour) {
   const auto n = static_cast<double>(contour.size());
   const double mean = sum / n, deviation = std::sqrt(std::max(0.0, sum2 / n - mean * mean));
   const double steps = 0.4 / blob.radius();  // of the pixels
-  const auto values = blob.spread.eigenvalues().real();
+  const double half = blob.spread.trace() / 2, flat = blob.spread.determinant();
+  const double widest = half + std::sqrt(std::max(0.0, half * half - flat));  // larger eigenvalue
   constexpr double slimmest = 0.01;  // of the squares of the half axes: seen at 84 degrees
-  if (deviation / mean > 0.03 + steps || std::abs(mean / 2 - 1) > 0.1 + steps ||
-      values.minCoeff() < slimmest * values.maxCoeff())
+  if (deviation / mean > 0.03 + steps || std::abs(mean / 2 - 1) > 0.1 + steps || flat < slimmest * widest * widest)
     return std::nullopt;
   return blob;
 }
@@ -59,7 +59,7 @@ std::optional<Blob> ellipse_of(const std::vector<cv::Point>& contour) {
 std::vector<Blob> find_blobs(const cv::Mat& image) {
   std::vector<Blob> blobs;
   const int longer = std::max(image.cols, image.rows);
-  for (const int parts : {8, 20, 50}) {
+  for (const int parts : {3, 8, 20, 50}) {
     cv::Mat dark;
     constexpr double clearly = 6;  // grey values; noise is less
     const int window = std::max(7, longer / parts) | 1;

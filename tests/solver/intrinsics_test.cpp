@@ -46,7 +46,7 @@ TEST(Intrinsics, FindsTheSimplestSupportedLens) {
 TEST(Intrinsics, ModelsTheCentresOfCircles) {
   const calib::CameraModel lens(calib::PinholeRadtan{620, 618, 322, 236, {-0.25, 0.08, 0.0006, -0.0004}});
   SyntheticCapture capture =
-      synthetic_capture({.cameras = 1, .sets = 25, .noise_px = 0.02, .distance_m = 1.1, .models = {lens}});
+      synthetic_capture({.cameras = 1, .sets = 25, .noise_px = 0.005, .distance_m = 1.1, .models = {lens}});
   capture.board.type = board::BoardType::circles;
   capture.board.diameter = 0.045;
   double squares = 0, points = 0, largest = 0;
@@ -87,8 +87,9 @@ TEST(Intrinsics, ModelsTheCentresOfCircles) {
       "offsets %.3f px rms, at most %.3f; modelled: noise %.3f px, f off by %.3f px; neglected: %.3f px, %.3f px\n",
       std::sqrt(squares / points), largest, modelled.adjustment.noise_px, error(modelled),
       neglected.adjustment.noise_px, error(neglected));
-  EXPECT_NEAR(modelled.adjustment.noise_px, 0.02, 0.002);
-  EXPECT_LT(std::abs(error(modelled)), 0.2);
+  EXPECT_NEAR(modelled.adjustment.noise_px, 0.005, 0.001);
+  EXPECT_GT(neglected.adjustment.noise_px, 1.2 * modelled.adjustment.noise_px);
+  EXPECT_LT(std::abs(error(modelled)), 0.1);
   EXPECT_GT(std::abs(error(neglected)), 3 * std::abs(error(modelled)));
 }
 
