@@ -143,7 +143,7 @@ struct RemoteCameras::Impl {
     std::vector<capture::MatchedColor> looked_for;
     std::optional<Clock::time_point> colors_sent_at;  // nullopt: not sent yet
     // Used by the source's thread only, unless stated otherwise.
-    capture::JpegReader reader;
+    capture::JpegReader jpeg;
     capture::CameraClock clock;
     std::int64_t run = 0;                        // written under `mutex`
     std::uint32_t base = 0;                      // of the run's numbers; written under `mutex`
@@ -456,9 +456,9 @@ struct RemoteCameras::Impl {
     capture::Frame frame;
     if constexpr (std::is_same_v<Message, msg::CameraMatches>)
       frame =
-          from_message(std::move(message), camera.reader, camera.picture, camera.options.width, camera.options.height);
+          from_message(std::move(message), camera.jpeg, camera.picture, camera.options.width, camera.options.height);
     else
-      frame = from_message(std::move(message), camera.reader);
+      frame = from_message(std::move(message), camera.jpeg);
     if (frame.pixels.width != camera.options.width || frame.pixels.height != camera.options.height) {
       frame.status = capture::FrameStatus::corrupted;
       frame.pixels = {};

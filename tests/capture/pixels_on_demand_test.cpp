@@ -41,7 +41,7 @@ class OnDemandOf : public testing::TestWithParam<PixelFormat> {};
 TEST_P(OnDemandOf, CopiesAndSinglePixelsAreThoseOfTheWholeImage) {
   const Image whole = noise_image(GetParam(), 150, 90);
   const Image partly = on_demand_copy(whole);
-  for (const auto [u, v] : {std::pair(0, 0), {149, 0}, {40, 70}, {149, 89}}) {
+  for (const auto& [u, v] : {std::pair(0, 0), {149, 0}, {40, 70}, {149, 89}}) {
     if (GetParam() == PixelFormat::bgr) {
       EXPECT_EQ(bgr_at(partly, u, v).g, bgr_at(whole, u, v).g);
       continue;
