@@ -24,9 +24,10 @@ struct MadeJpeg {
   bool optimised = false;         // Huffman codes of its own
   bool one_code_for_all = false;  // chroma by luma's Huffman codes
   bool progressive = false;
-  bool rgb = false;      // not converted
-  double noise = 10;     // sigma; smooth waves below it
-  bool is_flat = false;  // half of the image
+  bool rgb = false;         // not converted
+  double noise = 10;        // sigma; smooth waves below it
+  double chroma_noise = 1;  // times that of luma
+  bool is_flat = false;     // half of the image
   unsigned seed = 1;
 };
 
@@ -40,7 +41,8 @@ inline std::vector<std::uint8_t> make_jpeg(const MadeJpeg& made) {
     for (int u = 0; u < made.width; ++u)
       for (int c = 0; c < made.components; ++c) {
         const double wave = made.is_flat && 2 * v < made.height ? 0 : 90 * std::sin(wave_u * u + wave_v * v + c);
-        const double sigma = made.is_flat && 2 * v < made.height ? 0 : made.noise;
+        const double of_component = c == 0 ? made.noise : made.chroma_noise * made.noise;
+        const double sigma = made.is_flat && 2 * v < made.height ? 0 : of_component;
         pixels.push_back(static_cast<std::uint8_t>(std::clamp(128 + wave + sigma * noise(random), 0.0, 255.0)));
       }
   jpeg_compress_struct info;
