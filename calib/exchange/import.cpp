@@ -124,6 +124,7 @@ std::vector<std::string> suffixes_of(const Section& root) {
 std::vector<std::pair<std::string, Section>> sections_of(const Section& root) {
   std::vector<std::pair<std::string, Section>> found;
   for (auto& [name, section] : root.maps()) {
+    if (name == "value0") continue;  // Basalt's root, with a layout of its own
     if (has_lens(section)) {
       found.emplace_back(name, section);
       continue;
@@ -471,7 +472,7 @@ class Importer {
 
   void add(const std::string& name, const Section& section, string_view suffix,
            const std::optional<calib::Rigid3d>& pose) {
-    if (std::ranges::count(names_, name) > 1)
+    if (std::ranges::find(out_.rig.cameras, name, &calib::Camera::name) != out_.rig.cameras.end())
       throw files::ConfigError(section.file(), section.line(), section.path() + ": a second camera " + name);
     if (!is_wanted(name)) return;
     calib::Camera camera;
