@@ -224,7 +224,15 @@ std::string explain_missing_board(const Board& board, const std::vector<GreyPixe
   if (const std::string line = fitting_board_file(board, images); !line.empty())
     return "their markers fit with " + line + " in the board file";
   if (!board.has_markers()) return {};
-  if (board.type == BoardType::charuco && MarkersInImages(images).by(board).is_all())
+  // The right dictionary, though others of its family share the codes.
+  constexpr std::ptrdiff_t enough_to_tell = 4;
+  MarkersInImages in_images(images);
+  const bool shows_own = std::ranges::any_of(in_images.of(board), [&](const Markers& found) {
+    return enough_to_tell <= std::ranges::count_if(found, [&](const auto& marker) {
+             return marker.first >= board.first_marker && marker.first < board.first_marker + board.marker_count();
+           });
+  });
+  if (board.type == BoardType::charuco && shows_own)
     return "its markers are in them, but not the corners of its squares: are square and marker right?";
   return {};
 }
