@@ -9,7 +9,7 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 
-constexpr PixelFormat all_formats[] = {PixelFormat::yuyv, PixelFormat::nv12, PixelFormat::i420, PixelFormat::i422,
+constexpr PixelFormat turned_formats[] = {PixelFormat::yuyv, PixelFormat::nv12, PixelFormat::i420, PixelFormat::i422,
                                        PixelFormat::i444, PixelFormat::bgr,  PixelFormat::grey};
 
 // Every byte another.
@@ -28,7 +28,7 @@ int first_component(const Image& image, int u, int v) {
 }
 
 TEST(PictureLayout, TurnsEveryFormatByEveryTag) {
-  for (const PixelFormat format : all_formats)
+  for (const PixelFormat format : turned_formats)
     for (unsigned tag = 1; tag <= 8; ++tag) {
       const Image from = picture(format);
       const Image to = turned(from, *orientation_of_tag(tag));
