@@ -14,7 +14,7 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using namespace std::chrono_literals;
 
-constexpr PixelFormat all_formats[] = {PixelFormat::yuyv, PixelFormat::nv12, PixelFormat::i420, PixelFormat::i422,
+constexpr PixelFormat cropped_formats[] = {PixelFormat::yuyv, PixelFormat::nv12, PixelFormat::i420, PixelFormat::i422,
                                        PixelFormat::i444, PixelFormat::bgr,  PixelFormat::grey};
 
 WritableImage noise(PixelFormat format) {
@@ -28,7 +28,7 @@ WritableImage noise(PixelFormat format) {
 }
 
 TEST(Crop, HasThePixelsOfItsPart) {
-  for (const PixelFormat format : all_formats) {
+  for (const PixelFormat format : cropped_formats) {
     SCOPED_TRACE(std::string(name(format)));
     const Image whole = noise(format).image;
     const Image part = cropped(whole, {10, 4, 14, 6});
