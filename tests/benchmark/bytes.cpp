@@ -32,8 +32,7 @@ namespace {
 using namespace huetrack;
 
 constexpr int cameras = 3, sets = 10, sets_per_round = 60, quality = 90;
-constexpr double noise_luma = 5,
-                 noise_chroma = 2;  // grey values: some 2.3 bits a pixel at this quality, as webcams have
+constexpr double noise_luma = 2.2, noise_chroma = 0.6;  // grey values
 
 double cpu_ms() {
   timespec now{};
