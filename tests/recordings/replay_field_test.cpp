@@ -1,6 +1,7 @@
 // Files as cameras, phones and other programs make them: every picture at its own time, turned as players show it.
 #include <gmock/gmock.h>
 
+#include <cstring>
 #include <map>
 
 #include "calib/files/config_error.h"
