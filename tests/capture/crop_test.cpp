@@ -122,7 +122,7 @@ TEST(CroppedSource, DeliversAFramePerPartWithTheDevicesStamp) {
     if (k == 1)
       frame.status = FrameStatus::corrupted;
     else
-      frame.pixels = k == 0 ? whole : make_image(PixelFormat::yuyv, ColorRange::full, 16, 16).image;  // another size
+      frame.pixels = k == 0 ? whole : make_image(PixelFormat::yuyv, ColorRange::full, 8, 8).image;  // another size
     device->frames.push_back(frame);
   }
   CroppedSource source(std::move(device),

@@ -57,6 +57,10 @@ bool JpegSplitter::step_over_segment() {
   if (bytes_.size() < at_ + 4) return false;
   const std::uint8_t marker = bytes_[at_ + 1];
   const std::size_t length = std::size_t{bytes_[at_ + 2]} << 8 | bytes_[at_ + 3];
+  if (bytes_[at_] == mark && marker == start_of_image && at_ == 2) {  // nothing has begun before it
+    bytes_.erase(bytes_.begin(), bytes_.begin() + 2);
+    return true;
+  }
   if (bytes_[at_] != mark || marker == start_of_image || marker == end_of_image || length < 2) {
     inside_ = Inside::scan;  // its end is where it ends, or where another begins
     return true;
