@@ -353,7 +353,8 @@ TEST_F(BagRecording, PlaysACutOffBagUpToTheCut) {
       Played played;
       const std::string error = error_of([&] { played = play(bag); });
       if (error != "(accepted)") {  // the cut is before the first picture
-        EXPECT_THAT(error, AllOf(HasSubstr("nothing of it is left"), HasSubstr("cut off")));
+        EXPECT_THAT(error, AllOf(HasSubstr("nothing of it is left"),
+                                 testing::AnyOf(HasSubstr("cut off"), HasSubstr("is damaged"))));
         continue;
       }
       for (const auto& [camera, shown] : played.shown)
@@ -364,7 +365,8 @@ TEST_F(BagRecording, PlaysACutOffBagUpToTheCut) {
       most = std::max(most, played.shown.at(1).size());
       if (played.shown.at(0).size() + played.shown.at(1).size() < 2 * bag_frames) {  // else only its index is cut
         EXPECT_THAT(played.warnings,
-                    Contains(testing::AnyOf(HasSubstr("cut off"), HasSubstr("no index"), HasSubstr("damaged"))));
+                    Contains(testing::AnyOf(testing::AnyOf(HasSubstr("cut off"), HasSubstr("is damaged")),
+                                            HasSubstr("no index"), HasSubstr("damaged"))));
       }
     }
     EXPECT_GE(most, std::size_t{10}) << kind.name;
@@ -484,7 +486,7 @@ TEST_F(BagRecording, NamesBagsWithoutCameras) {
   EXPECT_THAT(error_of([&] { read_recording(bag); }),
               AllOf(HasSubstr("a.mcap: has no topic of sensor_msgs/Image or CompressedImage"),
                     HasSubstr("/scan (sensor_msgs/LaserScan)")));
-  EXPECT_THAT(error_of([&] { read_recording(write("b.mcap", "\x89MCAP0\r\n")); }), HasSubstr("it holds no messages"));
+  EXPECT_THAT(error_of([&] { read_recording(write("b.mcap", "\x89MCAP0\r\n")); }), HasSubstr("nothing of it is left"));
 }
 
 TEST_F(BagRecording, KeepsTheJpegOfTheMessage) {
