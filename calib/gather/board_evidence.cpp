@@ -49,7 +49,10 @@ void BoardEvidence::refuse_wrong_board() const {
 }
 
 std::string BoardEvidence::doubt() const {
-  return contradicts() ? contradiction() + ": is it the file of this board?" : doubt_of_lengths();
+  return contradicts() ? contradiction() +
+                             ": is it the file of this board? Are pictures mirrored, or do some show the back of a "
+                             "board that is printed on both sides (back: in its file)?"
+                       : doubt_of_lengths();
 }
 
 // Compares the measured ratio of markers (circles) to the pitch with the board file: one of its lengths may be wrong,

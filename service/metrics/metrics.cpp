@@ -185,7 +185,8 @@ void add_targets(Text& text, const publish::ServiceStatus& status, std::span<con
 }
 
 void add_latencies(Text& text, const publish::ServiceStatus& status, const LatencyFigures& latencies) {
-  text.family("huetrack_capture_to_dequeue_seconds", "histogram", "from a frame's capture to its arrival (last byte, not decoded)");
+  text.family("huetrack_capture_to_dequeue_seconds", "histogram",
+              "from a frame's capture to its arrival (last byte, not decoded)");
   for (std::size_t c = 0; c < latencies.capture_to_dequeue.size(); ++c)
     text.histogram("camera=" + label(status.cameras[c].name), latencies.capture_to_dequeue[c]);
   text.family("huetrack_dequeue_to_write_seconds", "histogram",

@@ -108,7 +108,7 @@ class EdgeSums {
 
   using Lanes = float __attribute__((vector_size(32), may_alias));
   static constexpr int columns = unknowns + 1, threes = columns / 3, pairs = threes * (threes + 1) / 2;  // layout
-  static constexpr int held_threes = held_count / 3, held_pairs = held_threes * (held_threes + 1) / 2;  // layout
+  static constexpr int held_threes = held_count / 3, held_pairs = held_threes * (held_threes + 1) / 2;   // layout
   static_assert(columns % 3 == 0 && held_count % 3 == 0);
 
  private:

@@ -29,7 +29,8 @@ std::string clutter_text(const std::string& camera, const std::string& target,
   const auto& box = share.still_box;
   return fmt::format(
       "{}: {:.1f} % of the picture has the colour of {} and never moves, most of it around {:.0f}, {:.0f} "
-      "(from {}, {} to {}, {}): it is ignored as long as it looks the same; an object in front of it is seen where it looks different: narrow the colour, or cover it",
+      "(from {}, {} to {}, {}): it is ignored as long as it looks the same; an object in front of it is seen where it "
+      "looks different: narrow the colour, or cover it",
       camera, 100 * share.still, target, share.still_px.x(), share.still_px.y(), box[0], box[1], box[2], box[3]);
 }
 

@@ -15,7 +15,7 @@ using testing::HasSubstr;
 using namespace std::chrono_literals;
 
 constexpr PixelFormat cropped_formats[] = {PixelFormat::yuyv, PixelFormat::nv12, PixelFormat::i420, PixelFormat::i422,
-                                       PixelFormat::i444, PixelFormat::bgr,  PixelFormat::grey};
+                                           PixelFormat::i444, PixelFormat::bgr,  PixelFormat::grey};
 
 WritableImage noise(PixelFormat format) {
   WritableImage image = make_image(format, ColorRange::full, 32, 16);

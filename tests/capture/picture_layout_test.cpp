@@ -10,7 +10,7 @@ using testing::HasSubstr;
 using testing::IsEmpty;
 
 constexpr PixelFormat turned_formats[] = {PixelFormat::yuyv, PixelFormat::nv12, PixelFormat::i420, PixelFormat::i422,
-                                       PixelFormat::i444, PixelFormat::bgr,  PixelFormat::grey};
+                                          PixelFormat::i444, PixelFormat::bgr,  PixelFormat::grey};
 
 // Every byte another.
 Image picture(PixelFormat format, int width = 8, int height = 6) {
