@@ -71,7 +71,7 @@ std::optional<BagLens> lens_in(const fs::path& bag, const bags::CameraTopics& to
   const auto message = bags::TopicReader(bag, topics.lens).next();
   const auto lens = message ? bags::lens_of(*message) : std::nullopt;
   if (!lens) return without("has no CameraInfo that can be read");
-  if (std::ranges::all_of(lens->k, [](double value) { return value == 0; }))
+  if (lens->k[0] == 0 && lens->k[4] == 0)
     return without("has a CameraInfo of a camera that is not calibrated (K is 0)");
   const Fail fail = [&](std::string_view key, const std::string& problem) {
     throw files::ConfigError(bag, 0, files::printable(topics.lens, 80) + ": " + std::string(key) + " " + problem);
