@@ -38,7 +38,9 @@ std::vector<std::size_t> TargetViews::trust(std::span<const CameraTrust> cameras
       c.camera.cam_from_world = pose;
       c.projector = calib::BatchProjector(c.camera);
     }
-    if (is_moved || is_left_out || is_explained) changed.push_back(i);
+    if (!is_moved && !is_left_out && !is_explained) continue;
+    c.matches.leave_out_nothing();  // refers to what StaticClutterMask forgets with the camera
+    changed.push_back(i);
   }
   return changed;
 }

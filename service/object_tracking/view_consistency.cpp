@@ -127,10 +127,10 @@ void ViewConsistency::compare_moving(const std::vector<TargetView>& views,
     const double radius_px = expected_px[i];
     const color::ColorRegion* moved = only_moving(views[i].index, regions[i], radius_px, set_at);
     if (moved == nullptr) continue;
-    const Sighting sighting = sighting_of(views[i], *moved, disc_radius(moved->area), options_.pixel_noise_px, {});
+    Sighting sighting = sighting_of(views[i], *moved, disc_radius(moved->area), options_.pixel_noise_px, {});
     if (!has_disc_shape(sighting)) continue;
+    sighting.row = row_of(views[i], sighting.px.y(), state);
     moving.push_back(sighting);
-    moving.back().row = row_of(views[i], moving.back().px.y(), state);
   }
   for (std::size_t a = 0; a < moving.size(); ++a) {
     for (std::size_t b = a + 1; b < moving.size(); ++b) {

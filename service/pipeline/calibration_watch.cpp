@@ -1,11 +1,12 @@
 #include "pipeline/calibration_watch.h"
-#include "calib/model/covariance_ellipse.h"
 
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <utility>
+
+#include "calib/model/covariance_ellipse.h"
 
 namespace huetrack::pipeline {
 namespace {

@@ -305,6 +305,31 @@ TEST(StaticClutterMask, ABallBeforeFurnitureOfItsColourIsTracked) {
   }
 }
 
+// What was usual in its pictures is forgotten with the camera, and what stands there is learnt anew.
+TEST(StaticClutterMask, IsForgottenForACameraThatMoves) {
+  scene::SceneBuilder builder;
+  builder.cameras_on_ring({.count = 3});
+  builder.ball({.path = [](double t) { return Vector3d(-0.3 + 0.2 * t, 0.1, 1.1); }});
+  for (const double angle : {0.4, 1.5, 3.0, 4.4})
+    builder.ball({.radius_m = 0.25,
+                  .path = [=](double) { return Vector3d(1.7 * std::cos(angle), 1.7 * std::sin(angle), 0.6); }});
+  const scene::Scene scene = builder.build();
+  ObjectTracker tracker(scene.rig, limes(1), ObjectTrackerOptions{});
+  std::vector<CameraTrust> trust(3);
+  trust[1].cam_from_world = scene.rig.cameras[1].cam_from_world;
+  trust[1].cam_from_world->translation.x() += 1e-6;  // another pose, of the same pictures
+  std::size_t tracked = 0;
+  for (const capture::FrameSet& set : render(scene, {.set_count = 120})) {
+    if (set.number == 80) tracker.trust(trust);
+    const ObjectEstimate e = tracker.update(set);
+    if (set.number >= 90 && e.state == TrackState::tracking) {
+      ++tracked;
+      EXPECT_LT((e.position - scene.ball_at(0, e.at)).norm(), 0.02) << set.number;
+    }
+  }
+  EXPECT_GE(tracked, 25u);  // of 30
+}
+
 // A piece of furniture is carried away; seconds later a ball rests where it stood.
 TEST(StaticClutterMask, isForgottenWhenTheSceneChanges) {
   const Vector3d place(0.2, 0.3, 1.0);

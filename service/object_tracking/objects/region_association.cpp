@@ -95,14 +95,6 @@ void RegionAssociation::assign(const TargetView& view, std::span<const color::Co
           d2 + std::log(s.covariance.determinant()) - 2 * std::log(s.support);
     }
   }
-  // From 0; an object without a region costs more than any assignment of all others.
-  const auto finite = [](double cost) { return std::isfinite(cost); };
-  const double least = costs.size() > 0 ? costs.minCoeff() : 0;
-  if (finite(least)) costs.array() -= least;
-  double most = 0;
-  for (const double cost : costs.reshaped())
-    if (finite(cost)) most = std::max(most, cost);
-  const double miss_cost = static_cast<double>(n) * most + 1;
   bool is_shared = false;
   std::vector<char> is_taken(regions.size(), 0);
   for (std::size_t i = 0; i < expected.size() && m > 0; ++i) {
@@ -112,7 +104,14 @@ void RegionAssociation::assign(const TargetView& view, std::span<const color::Co
     is_shared = is_shared || is_taken[std::size_t(best)] != 0;
     is_taken[std::size_t(best)] = 1;
   }
-  if (is_shared) region_of = assignment_of(costs, miss_cost);
+  if (is_shared) {
+    // From 0; an object without a region costs more than any assignment of all others.
+    costs.array() -= costs.minCoeff();
+    double most = 0;
+    for (const double cost : costs.reshaped())
+      if (std::isfinite(cost)) most = std::max(most, cost);
+    region_of = assignment_of(costs, static_cast<double>(n) * most + 1);
+  }
   for (const int r : region_of) {
     if (r >= 0) out.is_explained[std::size_t(r)] = 1;
   }

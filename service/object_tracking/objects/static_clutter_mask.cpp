@@ -370,7 +370,11 @@ void StaticClutterMask::leave_out(const TargetView& view, PerCamera& camera) {
     known += std::size_t(std::popcount(tile.known));
     view.matches->leave_out(at, has_pixels ? tile.known : masked_[at], has_pixels ? &tile.usual : nullptr);
   }
-  if (has_pixels) choose_probes(camera, known);
+  if (has_pixels) {
+    choose_probes(camera, known);
+    view.matches->set_light(camera.light);
+  }
+  view.matches->look_anew();  // what was classified before has the mask of before
   describe(view, camera);
 }
 

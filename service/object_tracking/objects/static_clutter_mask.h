@@ -1,8 +1,8 @@
-// Masks static clutter: pixels of the target's colour that never move, while they show what they usually show: an
-// object before furniture of its colour is seen. In a room that shares the colour, views are
+// Masks static clutter: pixels of the target's colour that never move. In a room that shares the colour, views are
 // sampled every 0.5 s; pixels that matched in three of the last four samples, or that match again after they did not
-// (noise at the colour's limits), match nothing until they change. Pixels under a tracked object keep their state, so
-// that a resting object stays tracked, unless its surroundings have the colour, too.
+// (noise at the colour's limits), match nothing while they show their usual values: an object in front of furniture of
+// its colour is seen. Pixels under a tracked object keep their state, so that a resting object stays tracked, unless
+// its surroundings have the colour, too.
 //
 // A room shares the colour if one view shows more of it than all objects could cover; then all views learn. If so at
 // the first set, everything but discs of an object's size is clutter until it moves. Targets with several objects learn

@@ -1,5 +1,4 @@
 #include "object_tracking/trackers/many_tracker.h"
-#include "calib/model/covariance_ellipse.h"
 
 #include <Eigen/LU>
 #include <algorithm>
@@ -7,6 +6,7 @@
 #include <numbers>
 #include <utility>
 
+#include "calib/model/covariance_ellipse.h"
 #include "object_tracking/trackers/estimate_report.h"
 #include "object_tracking/trackers/object_sighter.h"
 
