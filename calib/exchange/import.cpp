@@ -11,6 +11,7 @@
 #include "calib/exchange/exchanged_camera.h"
 #include "calib/exchange/section.h"
 #include "calib/files/config_error.h"
+#include "calib/files/file_order.h"
 
 namespace huetrack::exchange {
 namespace {
@@ -90,15 +91,11 @@ bool has_lens(const Section& section) {
   return section.first_of(k_words) || section.first_of(d_words);
 }
 
-// "cam10" after "cam2".
-bool is_before(const std::string& a, const std::string& b) {
-  return std::pair(a.size(), a) < std::pair(b.size(), b);
-}
 void sort_by_number(std::vector<std::pair<std::string, Section>>& cameras) {
   const auto stem = [](const std::string& name) { return name.substr(0, name.find_last_not_of("0123456789") + 1); };
   const bool alike =
       std::ranges::all_of(cameras, [&](const auto& c) { return stem(c.first) == stem(cameras.front().first); });
-  if (alike) std::ranges::stable_sort(cameras, is_before, &std::pair<std::string, Section>::first);
+  if (alike) std::ranges::stable_sort(cameras, files::numbers_ascend, &std::pair<std::string, Section>::first);
 }
 
 // The suffixes of K: of EasyMocap's `names`, numbers, left and right.

@@ -162,8 +162,6 @@ struct NetworkSource::Impl {
     stream = format->streams[best];
     if (const int e = decoder.open(stream, *codec, {.is_live = true}); e < 0) return error_text(e);
     pictures.set_stream(*stream);
-    arrivals.clear();
-    damaged = 0;
     return {};
   }
 
@@ -188,6 +186,8 @@ struct NetworkSource::Impl {
     decoder.close();
     format.reset();
     stream = nullptr;
+    arrivals.clear();
+    damaged = 0;
   }
 
   void lose(const std::string& why) {

@@ -7,8 +7,6 @@
 namespace huetrack::recordings {
 namespace {
 
-constexpr std::int64_t most_decoded_pixels = 1 << 26;  // pixels
-
 // Names of kinds differ between programs; the first bytes do not.
 AVCodecID codec_of(std::span<const std::uint8_t> bytes) {
   const std::string_view begin(reinterpret_cast<const char*>(bytes.data()), std::min<std::size_t>(bytes.size(), 16));
@@ -51,16 +49,12 @@ std::optional<capture::Image> PictureDecoder::decode(std::span<const std::uint8_
 std::optional<capture::Image> PictureDecoder::decode_by_ffmpeg(std::span<const std::uint8_t> bytes, AVCodecID id) {
   const capture::FfmpegLogScope scope(log_);
   problem_ = std::string("it is no ") + avcodec_get_name(id) + " that FFmpeg can decode";
-  capture::CodecPtr& codec = codecs_[id];
-  if (!codec) {
+  capture::StreamDecoder& codec = codecs_[id];
+  if (!codec.is_open()) {
     const AVCodec* decoder = avcodec_find_decoder(id);
     if (decoder == nullptr) return std::nullopt;
-    codec.reset(capture::not_null(avcodec_alloc_context3(decoder)));
-    codec->max_pixels = most_decoded_pixels;
-    codec->opaque = &log_;
-    codec->err_recognition = AV_EF_CRCCHECK | AV_EF_EXPLODE;  // no error concealment: invented pixels would be measured
-    if (avcodec_open2(codec.get(), decoder, nullptr) < 0) {
-      codec.reset();
+    if (codec.open(nullptr, *decoder, {.log = &log_}) < 0) {
+      codec.close();
       return std::nullopt;
     }
   }
@@ -69,8 +63,7 @@ std::optional<capture::Image> PictureDecoder::decode_by_ffmpeg(std::span<const s
   std::ranges::copy(bytes, packet->data);
   packet->flags |= AV_PKT_FLAG_KEY;  // FFmpeg's PNG decoder supports predicted pictures
   capture::FramePtr frame(capture::not_null(av_frame_alloc()));
-  if (avcodec_send_packet(codec.get(), packet.get()) < 0) return std::nullopt;
-  if (avcodec_receive_frame(codec.get(), frame.get()) < 0) return std::nullopt;
+  if (codec.send(packet.get()) < 0 || codec.receive(*frame) < 0) return std::nullopt;
   return pictures_.image_of(std::move(frame), id);
 }
 

@@ -10,6 +10,7 @@
 #include "capture/ffmpeg/ffmpeg_log.h"
 #include "capture/ffmpeg/ffmpeg_objects.h"
 #include "capture/ffmpeg/ffmpeg_picture.h"
+#include "capture/ffmpeg/stream_decoder.h"
 #include "capture/frames/jpeg_decoder.h"
 
 namespace huetrack::recordings {
@@ -34,7 +35,7 @@ class PictureDecoder {
 
   capture::FfmpegLog log_;
   capture::JpegDecoder jpeg_;
-  std::map<AVCodecID, capture::CodecPtr> codecs_;
+  std::map<AVCodecID, capture::StreamDecoder> codecs_;
   capture::PictureMaker pictures_;
   std::string problem_;
 };

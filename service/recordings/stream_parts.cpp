@@ -1,7 +1,6 @@
 #include "recordings/stream_parts.h"
 
 #include <fmt/format.h>
-#include <glob.h>
 
 #include <algorithm>
 #include <array>
@@ -13,6 +12,7 @@
 #include <utility>
 
 #include "calib/files/config_error.h"
+#include "calib/files/file_order.h"
 #include "capture/ffmpeg/ffmpeg_log.h"
 #include "capture/ffmpeg/ffmpeg_objects.h"
 #include "recordings/recording.h"
@@ -31,14 +31,6 @@ bool is_transport_stream(const fs::path& file) {
   static constexpr std::array endings{".mts", ".m2ts", ".m2t", ".ts"};
   std::error_code error;
   return std::ranges::find(endings, ending) != endings.end() && fs::is_regular_file(file, error);
-}
-
-// 2 before 10, 00002 as 2.
-std::pair<std::size_t, std::string> by_number(const fs::path& file) {
-  std::string digits = file.stem().string();
-  digits.erase(0, digits.find_last_not_of("0123456789") + 1);  // npos + 1: 0
-  digits.erase(0, std::min(digits.find_first_not_of('0'), digits.size()));
-  return {digits.size(), digits};
 }
 
 struct TimeSpan {
@@ -71,13 +63,11 @@ std::vector<fs::path> stream_parts(const fs::path& frames) {
   if (fs::is_directory(frames, error)) {
     for (const auto& entry : fs::directory_iterator(frames, error))
       if (is_transport_stream(entry.path())) parts.push_back(entry.path());
+    std::ranges::sort(parts, files::numbers_ascend, &fs::path::native);
   } else if (frames.string().find_first_of("*?[") != std::string::npos) {
-    glob_t found{};
-    if (::glob(frames.c_str(), 0, nullptr, &found) == 0) parts.assign(found.gl_pathv, found.gl_pathv + found.gl_pathc);
-    ::globfree(&found);
+    parts = files::files_of_glob(frames.string());
     if (!std::ranges::all_of(parts, is_transport_stream)) return {};
   }
-  std::ranges::sort(parts, {}, by_number);
   capture::take_over_ffmpeg_log();
   std::optional<TimeSpan> before;
   for (std::size_t i = 0; i < parts.size() && parts.size() > 1; ++i) {

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "calib/files/config_error.h"
+#include "calib/files/file_order.h"
 #include "recordings/bags/bag_file.h"
 #include "recordings/bags/decompress.h"
 
@@ -34,20 +35,13 @@ Opener opener_of(const fs::path& file) {
   return nullptr;
 }
 
-// rosbag2 numbers its files: bag_0.db3 ... bag_10.db3. Without a number: -1.
-std::pair<std::int64_t, std::string> number_and_name(const fs::path& file) {
-  const std::string stem = file.stem().string();
-  const auto last = stem.find_last_not_of("0123456789");
-  const std::string digits = last == std::string::npos ? stem : stem.substr(last + 1);
-  return {digits.empty() || digits.size() > 9 ? -1 : std::stoll(digits), stem};
-}
-
+// rosbag2 numbers its files: bag_0.db3 ... bag_10.db3.
 std::vector<fs::path> files_in(const fs::path& folder, std::string_view ending) {
   std::vector<fs::path> files;
   std::error_code error;
   for (const auto& entry : fs::directory_iterator(folder, error))
     if (entry.path().filename().string().ends_with(ending)) files.push_back(entry.path());
-  std::ranges::sort(files, {}, number_and_name);
+  std::ranges::sort(files, files::numbers_ascend, &fs::path::native);
   return files;
 }
 
