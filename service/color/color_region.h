@@ -16,6 +16,8 @@ struct ColorRegion {
   Eigen::Vector2d centre;      // raw pixels, mean of the pixel centres
   Eigen::Matrix2d spread;      // second central moment of the pixels, px^2, with 1/12 for the extent of a pixel itself
   PixelBox box{0, 0, -1, -1};  // of its pixels; of a region of several parts: of all of them
+  // px^2, how badly the pixels fix the centre of the disc that they are of; 0: it is that of the pixels (DiscFinder)
+  Eigen::Matrix2d of_disc = Eigen::Matrix2d::Zero();
 };
 
 // thread-compatible. Keeps its work space between frames.

@@ -5,6 +5,7 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <utility>
 
 #include "color/match_tiles.h"
@@ -94,6 +95,19 @@ std::uint64_t MatchBits::left_out(TileAt tile, std::uint64_t bits) const {
       out |= std::uint64_t{1} << bit;
   }
   return out;
+}
+
+double MatchBits::change_at(int u, int v) const {
+  const auto at = static_cast<std::size_t>((v / tile_size + 1) * tile_stride_ + u / tile_size + 1);
+  const auto bit = static_cast<std::size_t>(tile_size * (v % tile_size) + u % tile_size);
+  if (usual_.empty() || usual_[at] == nullptr || (ignored_[at] >> bit & 1) == 0)
+    return std::numeric_limits<double>::infinity();
+  const auto expected = expected_values(light_, (*usual_[at])[bit], image_.format);
+  const auto now = values_at(u, v);
+  double change = 0;
+  for (std::size_t c = 0; c < 3; ++c)
+    change += 2 * std::abs(double(now[c]) - double(expected[c])) / double(light_.gate[c]);
+  return change;
 }
 
 std::uint64_t MatchBits::tile_with_left_out(TileAt tile) const {

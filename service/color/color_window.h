@@ -12,7 +12,9 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "capture/frames/frame.h"
@@ -47,6 +49,8 @@ inline bool shows(const LightChange& light, const std::array<float, 3>& expected
          std::abs(float(now[2]) - expected[2]) <= light.gate[2];
 }
 
+class RoomColors;
+
 // thread-compatible. One per camera and target; lives as long as the tracker, so that a frame costs no allocation.
 class MatchBits {
  public:
@@ -63,11 +67,18 @@ class MatchBits {
   // usual: nullptr, always; else lives until leave_out_nothing(). A frame without pixels counts as showing them.
   void leave_out(std::size_t tile, std::uint64_t pixels, const UsualPixels* usual = nullptr);
   void leave_out_nothing();
+  // The room's colours, if it shares the target's; nullptr: it does not, or the frame has no pixels.
+  void set_room(std::shared_ptr<const RoomColors> room) { room_ = std::move(room); }
+  const RoomColors* room() const { return has_pixels() ? room_.get() : nullptr; }
   // How the light differs in this frame from that of all usual values.
   void set_light(const LightChange& light) { light_ = light; }
   // Raw values of a pixel, as in UsualPixels. The frame has pixels.
   std::array<std::uint8_t, 3> values_at(int u, int v) const;
   bool has_pixels() const { return found_ == nullptr; }
+  // Sum over the channels of how far a pixel is from its usual value, in halves of `gate`; infinite where none is
+  // known.
+  double change_at(int u, int v) const;
+  const LightChange& light() const { return light_; }
   // Matches with leave_out() ignored: of one tile, and of a grid of pixels like grid().
   std::uint64_t tile_with_left_out(TileAt tile) const;
   void grid_with_left_out(int step, std::vector<PixelAt>& hits) const;
@@ -159,6 +170,7 @@ class MatchBits {
   std::vector<std::uint64_t> in_boxes_;    // of them, those that are in boxes
   std::vector<const UsualPixels*> usual_;  // per tile; empty: none
   LightChange light_;
+  std::shared_ptr<const RoomColors> room_;
   // Per cell of 4x4 pixels: whether a window begins in it; all 0 between calls, but for cell 0.
   std::vector<std::uint8_t> mark_;
   std::vector<std::int32_t> where_;  // work space of count_5x5

@@ -144,9 +144,9 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionState& state, c
   sharp.covariance.diagonal().array() += (1 - of.still) * new_px2 + by_size * by_size + rig_px2;
   const double wrong_px = radius_px * std::abs(is_size_known ? of.log_size : fit.log_size.value);
   const double one_sided_px = std::max(0.0, wrong_px - e.even_size_px);
-  sharp.bias_sigma_px =
-      std::sqrt(e.bias_px * e.bias_px + e.bias_share * e.bias_share * radius_px * radius_px + of.still * new_px2 +
-                e.bias_of_fit * e.bias_of_fit * fit.covariance.trace() / 2 + one_sided_px * one_sided_px);
+  sharp.bias_sigma_px = std::sqrt(e.bias_px * e.bias_px + e.bias_share * e.bias_share * radius_px * radius_px +
+                                  of.still * new_px2 + e.bias_of_fit * e.bias_of_fit * fit.covariance.trace() / 2 +
+                                  one_sided_px * one_sided_px + sighting.hidden_px * sighting.hidden_px);
 
   // An outline outside the gate of prediction or region is another object's edge.
   Eigen::Matrix2d total = spread + sharp.covariance;

@@ -232,6 +232,7 @@ Sighting sighting_of(const TargetView& view, const color::ColorRegion& region, d
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes =
       Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>().computeDirect(region.spread);
   Eigen::Vector2d variance = Eigen::Vector2d::Constant(usual.noise_px2);
+  double misfit_px2 = 0;  // mean of both axes
   for (int i = 0; i < 2; ++i) {
     const Eigen::Vector2d axis = axes.eigenvectors().col(i);
     const double expected_px = radius_px * (outline_from_disc.transpose() * axis).norm();
@@ -242,9 +243,15 @@ Sighting sighting_of(const TargetView& view, const color::ColorRegion& region, d
         region_error.misfit_gain *
         std::max(0.0, std::abs(too_wide_px) - sighting_tuning.misfit_share * radius_px - smeared_px);
     variance(i) += excess_px * excess_px;
+    misfit_px2 += excess_px * excess_px / 2;
   }
-  s.covariance = axes.eigenvectors() * variance.asDiagonal() * axes.eigenvectors().transpose();
+  s.covariance = axes.eigenvectors() * variance.asDiagonal() * axes.eigenvectors().transpose() + region.of_disc;
   s.support = std::min(1.0, region.area / (std::numbers::pi * radius_px * radius_px));
+  if (region.of_disc.any()) {
+    // What hides a part of a disc in a room that shares the colour is mostly a hand that moves along: the error lasts.
+    s.hidden_px = sighting_tuning.cut_error * (1 - s.support) * radius_px;
+    s.bias_sigma_px = std::sqrt(usual.bias_px2 + misfit_px2 + region.of_disc.trace() / 2 + s.hidden_px * s.hidden_px);
+  }
   return s;
 }
 

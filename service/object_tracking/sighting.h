@@ -45,6 +45,7 @@ struct Sighting {
   Eigen::Vector2d px;                                 // measured centre, raw pixels
   Eigen::Matrix2d covariance;                         // px^2, independent in every frame
   double bias_sigma_px = 0;                           // 1 sigma of the bias that stays while the object rests
+  double hidden_px = 0;                               // of it, by what hides a part of a disc (DiscFinder)
   double support = 0;                                 // 0..1, share of the expected disc that has the target's colour
   double radius_px = 0;                               // of the disc of the region's area
   Eigen::Matrix2d of_pose = Eigen::Matrix2d::Zero();  // px^2, bias by CameraTrust::pose_covariance
@@ -76,6 +77,7 @@ struct SightingTuning {
   std::size_t max_crossings = 4;  // candidates kept per frame set where one object is searched
   double repeat_px = 1;           // px, motion that changes a region of 100 px visibly: else the frame is a repeat
   double misfit_share = 0.2;      // of the radius, 1 sigma: shape noise of a small disc's outline (experiment)
+  double cut_error = 0.85;        // radii of error per missing share: an edge leaves 0.42 at half, 0.65 at a quarter
   double whole_share = 0.9;       // share of the expected area from which a disc counts as unoccluded
 };
 inline constexpr SightingTuning sighting_tuning{};

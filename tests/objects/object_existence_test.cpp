@@ -40,7 +40,7 @@ struct Room {
   }
   ObjectExistence begun(const Birth& birth) const {
     ObjectExistence existence;
-    existence.begin({}, birth, {}, radius_m, 2, ObjectTrackerOptions{}, clutter, still);
+    existence.begin({}, birth, {}, radius_m, 2, ObjectTrackerOptions{}, MotionState(scene.rig, false), clutter, still);
     return existence;
   }
 };
@@ -120,6 +120,40 @@ TEST(ObjectExistence, AnUnlikelyStartIsNotRefutedBySupport) {
   moving.update(later, state, 1.0, further, {}, radius_m, room.clutter, room.still);
   EXPECT_TRUE(moving.is_sure());
   EXPECT_FALSE(moving.is_refuted());
+}
+
+// Free-running cameras see a moving object at other places: each is compared with the place at its own row's time.
+TEST(ObjectExistence, EachSightingIsComparedAtItsOwnTime) {
+  const Room room;
+  MotionState state(room.scene.rig, false);
+  state.begin({}, {0.02, 0, 1}, 1e-5, {4, 0, 0}, 0.1);
+  std::vector<Sighting> apart;
+  for (int c = 0; c < 3; ++c) {
+    const double late_s = 0.012 * c;
+    Sighting s = room.sightings(Eigen::Vector3d(0.02 + 4 * late_s, 0, 1))[std::size_t(c)];
+    s.row.at = capture::Timestamp{} + capture::duration_of(late_s);
+    apart.push_back(s);
+  }
+  ObjectExistence existence = room.begun(room.birth({0, 0, 1}, {0.02, 0, 1}));
+  const double before = existence.log_odds();
+  existence.update({}, state, 1.0, apart, {}, radius_m, room.clutter, room.still);
+  EXPECT_GT(existence.log_odds(), before);
+  EXPECT_TRUE(existence.is_sure());
+}
+
+// A hand hides a part of it in one view: off by a part of its radius is no clutter.
+TEST(ObjectExistence, ASightingOffByLessThanTheRadiusIsNoClutter) {
+  const Room room;
+  MotionState state(room.scene.rig, false);
+  state.begin({}, {0.02, 0, 1}, 1e-7, {0, 0, 0}, 1e-6);
+  const double radius_px = project_ball(room.scene.rig.cameras[0], {0.02, 0, 1}, radius_m)->radius_px;
+  auto sightings = room.sightings({0.02, 0, 1});
+  sightings[0].px.x() += 0.7 * radius_px;
+  sightings[0].covariance *= 0.01;
+  ObjectExistence existence = room.begun(room.birth({0, 0, 1}, {0.02, 0, 1}));
+  existence.update({}, state, 0.01, sightings, {}, radius_m, room.clutter, room.still);
+  EXPECT_FALSE(existence.is_chance());
+  EXPECT_TRUE(existence.is_sure());
 }
 
 }  // namespace

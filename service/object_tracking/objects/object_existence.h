@@ -37,10 +37,13 @@ class ClutterMap {
   std::vector<PerCamera> cameras_;
 };
 
-// Predicted position.
+// Predicted position at a time, and how it goes on.
 struct ExpectedPlace {
   Eigen::Vector3d position;
   Eigen::Matrix3d covariance;
+  capture::Timestamp at;
+  Eigen::Vector3d velocity = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d velocity_covariance = Eigen::Matrix3d::Zero();
 };
 
 // thread-compatible; one per object.
@@ -49,7 +52,7 @@ class ObjectExistence {
   // From its first two sets. largest_m: extent of the searched volume.
   void begin(capture::Timestamp set_at, const Birth& birth, const std::vector<object_tracking::TargetView>& views,
              double radius_m, double largest_m, const object_tracking::ObjectTrackerOptions& options,
-             const ClutterMap& clutter, const StaticClutterMask& still);
+             const object_tracking::MotionState& times, const ClutterMap& clutter, const StaticClutterMask& still);
   // By one frame set, before the filter's update; power_density: that of the filter.
   void update(capture::Timestamp set_at, const object_tracking::MotionState& state, double power_density,
               std::span<const object_tracking::Sighting> sightings,

@@ -56,6 +56,7 @@ ObjectSearch::ObjectSearch(const calib::CameraRig& rig, const TargetOptions& tar
     : target_(target),
       options_(options),
       finders_(rig.cameras.size()),
+      disc_finders_(rig.cameras.size()),
       regions_(rig.cameras.size()),
       log_(rig.cameras.size()),
       births_(target, options, looked_through(options.volume)) {
@@ -70,6 +71,11 @@ void ObjectSearch::look(const std::vector<TargetView>& views) {
     const SizeInView& size = size_in_view_[std::size_t(view.index)];
     if (size.largest_px == 0) {  // no part of the volume is in view
       regions_[i].clear();
+      continue;
+    }
+    if (is_shared_ && view.matches->room() != nullptr) {
+      regions_[i] = disc_finders_[std::size_t(view.index)].find(
+          *view.matches, {0, 0, view.image->width - 1, view.image->height - 1}, size.smallest_px, size.largest_px);
       continue;
     }
     if (is_shared_) {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "color/color_region.h"
+#include "color/room_colors.h"
 #include "object_tracking/motion_state.h"
 #include "object_tracking/objects/object_births.h"
 #include "object_tracking/objects/search_findings.h"
@@ -70,6 +71,7 @@ class ObjectSearch {
   object_tracking::ObjectTrackerOptions options_;
   std::vector<SizeInView> size_in_view_;                  // per camera
   std::vector<color::RegionFinder> finders_;              // per camera
+  std::vector<color::DiscFinder> disc_finders_;           // per camera
   std::vector<std::vector<color::ColorRegion>> regions_;  // of the views of this set
   std::size_t view_count_ = 0;
   SearchLog log_;

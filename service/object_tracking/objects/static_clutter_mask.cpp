@@ -29,7 +29,6 @@ struct StaticClutterTuning {
   std::size_t probes = 64;      // masked pixels by which a view's light is followed: medians to a sixth of sigma
   float usual_sigmas = 4;       // of a masked pixel's noise: 6e-5 differ by more
   float min_noise = 1;          // grey values, 1 sigma of that noise
-  double cut_error = 0.85;      // radii of error per missing share: an edge leaves 0.42 at half, 0.65 at a quarter
 };
 constexpr StaticClutterTuning static_clutter{};
 
@@ -113,7 +112,7 @@ void StaticClutterMask::mark_clipped(std::vector<Sighting>& sightings) const {
     if (!may_clip(std::size_t(s.row.camera), s.px, radius_px)) continue;
     s.is_cut = true;
     if (s.is_outline) continue;
-    const double off_px = static_clutter.cut_error * (1 - s.support) * radius_px;
+    const double off_px = sighting_tuning.cut_error * (1 - s.support) * radius_px;
     s.covariance.diagonal().array() += off_px * off_px;
   }
 }
@@ -145,16 +144,27 @@ bool StaticClutterMask::is_starting(capture::Timestamp set_at) const {
   return is_room_shared_ && first_at_ && capture::seconds(set_at - *first_at_) < samples * static_clutter.period_s;
 }
 
+// Counts the colours that are in the view now, but for those of objects.
+void StaticClutterMask::learn_colors(const TargetView& view, PerCamera& camera) {
+  if (!view.matches->has_pixels() || view.table == nullptr) return;
+  discs_.clear();
+  for (const Sighting& s : covering_)
+    discs_.push_back({s.px, static_clutter.covered_radii * s.radius_px + static_clutter.covered_px});
+  if (camera.colors == nullptr) camera.colors = std::make_shared<color::RoomColors>();
+  camera.colors->learn(*view.matches, *view.table, view.image->format, discs_);
+  view.matches->set_room(camera.colors);
+}
+
 // Whole discs of an object's size at the first set.
 void StaticClutterMask::find_what_may_be_objects(const TargetView& view, PerCamera& camera) {
   if (camera.largest_px == 0) return;
   const double smallest_disc = disc_area(camera.smallest_px);
   const double largest_disc = disc_area(camera.largest_px);
-  const int step = std::max(1, int(std::numbers::sqrt2 * camera.smallest_px));
-  const int usual = int(2 * std::sqrt(camera.smallest_px * camera.largest_px)) + 2;
-  const int largest = int(4 * camera.largest_px) + 2;
-  for (const color::ColorRegion& region : camera.finder.components(*view.matches, step, {}, usual, largest,
-                                                                   int(static_clutter.min_disc * smallest_disc))) {
+  learn_colors(view, camera);
+  if (view.matches->room() == nullptr) return;
+  for (const color::ColorRegion& region :
+       camera.finder.find(*view.matches, {0, 0, view.image->width - 1, view.image->height - 1}, camera.smallest_px,
+                          camera.largest_px)) {
     const Eigen::Vector2d half = 2 * Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>()
                                          .computeDirect(region.spread)
                                          .eigenvalues()
@@ -195,6 +205,7 @@ void StaticClutterMask::sample(const TargetView& view, std::span<const Sighting>
   const bool is_learning = is_room_shared_ || (count_ > 1 && camera.sampled > 0);
   if (!is_learning && camera.is_learning) {
     view.matches->leave_out_nothing();
+    view.matches->set_room(nullptr);
     camera = {.tiles = {}, .listed = {}, .sampled = 1};  // a past without matches
     ColorShare& share = shares_[std::size_t(view.index)];
     share.still = 0, share.still_box = {}, share.still_px.setZero();
@@ -208,6 +219,7 @@ void StaticClutterMask::sample(const TargetView& view, std::span<const Sighting>
   if (hits_px_ != grid_px) view.matches->grid_with_left_out(grid_px, hits_);
   learn(view, camera, tracked);
   leave_out(view, camera);
+  if (is_room_shared_) learn_colors(view, camera);
 }
 
 void StaticClutterMask::learn(const TargetView& view, PerCamera& camera, std::span<const Sighting> tracked) {

@@ -12,12 +12,14 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
 #include <vector>
 
 #include "color/color_region.h"
 #include "color/color_window.h"
+#include "color/room_colors.h"
 #include "object_tracking/object_estimate.h"
 #include "object_tracking/sighting.h"
 #include "object_tracking/target_views.h"
@@ -77,7 +79,8 @@ class StaticClutterMask {
     int stride = 0;                                              // tiles in a row
     double smallest_px = 0, largest_px = 0;                      // radius of an object
     std::vector<object_tracking::Sighting> may_be_objects = {};  // at the first set
-    color::RegionFinder finder = {};
+    color::DiscFinder finder = {};
+    std::shared_ptr<color::RoomColors> colors = {};  // while the room shares the colour
     std::vector<Probe> probes = {};
     color::LightChange light = {};  // since the last sample
     bool is_above = false;          // more of the colour than the objects could cover
@@ -93,6 +96,7 @@ class StaticClutterMask {
                    std::uint64_t masked, Tile& tile);
   void choose_probes(PerCamera& camera, std::size_t known);
   void follow_light(const object_tracking::TargetView& view, PerCamera& camera);
+  void learn_colors(const object_tracking::TargetView& view, PerCamera& camera);
   void find_what_may_be_objects(const object_tracking::TargetView& view, PerCamera& camera);
   void describe(const object_tracking::TargetView& view, const PerCamera& camera);
 
@@ -102,6 +106,7 @@ class StaticClutterMask {
   std::vector<color::PixelAt> hits_;  // of the last measure(); hits_px_ apart
   int hits_px_ = 0;
   std::vector<object_tracking::Sighting> covering_;  // work space: objects in front of the room
+  std::vector<color::Disc> discs_;                   // work space: covering_
   std::vector<std::uint32_t> open_;                  // work space: tiles of a patch
   std::vector<char> is_visited_;                     // work space: per tile
   std::vector<std::uint64_t> masked_;                // work space: per tile

@@ -343,7 +343,8 @@ void ManyTracker::start(Object& object, const Birth& birth, const std::vector<Ta
                         capture::Timestamp set_at) {
   if (clutter_mask_.is_room_shared())
     object.existence.begin(set_at, birth, views, target_.radius_m,
-                           (options_.volume.max - options_.volume.min).maxCoeff(), options_, clutter_, clutter_mask_);
+                           (options_.volume.max - options_.volume.min).maxCoeff(), options_, object.filter.motion(),
+                           clutter_, clutter_mask_);
   else
     object.existence.assume();
   object.sightings = object.filter.start(birth.earlier, birth.now, consistency_, set_at, birth.dt, sets_apart_ == 0,

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "color/color_region.h"
+#include "color/room_colors.h"
 #include "object_tracking/expected_view.h"
 #include "object_tracking/outline_sighter.h"
 #include "object_tracking/sighting.h"
@@ -33,6 +34,7 @@ class ObjectSighter {
         outlines_(rig, target, options),
         last_(rig.cameras.size()),
         finders_(rig.cameras.size()),
+        disc_finders_(rig.cameras.size()),
         regions_(rig.cameras.size()) {}
 
   // In each view the region that best explains the prediction, refined by the outline where one can be fitted.
@@ -75,6 +77,7 @@ class ObjectSighter {
   object_tracking::OutlineSighter outlines_;
   std::vector<LastRegion> last_;                          // per camera
   std::vector<color::RegionFinder> finders_;              // per camera
+  std::vector<color::DiscFinder> disc_finders_;           // per camera
   std::vector<color::ColorRegion> near_;                  // work space of regions_near()
   std::vector<std::vector<color::ColorRegion>> regions_;  // work space of sight_after_bounce(), per view
 };

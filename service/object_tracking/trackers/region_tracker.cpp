@@ -199,7 +199,7 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
   found.assume();
   if (is_shared) {
     found.begin(set.at, *find, views, target_.radius_m, (options_.volume.max - options_.volume.min).maxCoeff(),
-                options_, clutter_, clutter_mask_);
+                options_, times, clutter_, clutter_mask_);
     // Two hypotheses: the likelier one is tracked.
     if (state_ == TrackState::coasting && found.log_odds() <= existence_.log_odds()) return;
   } else if (is_out_of_reach(*find, set.at)) {
