@@ -216,6 +216,9 @@ struct VideoReader::Impl {
       is_avi = container == "avi";
       if (is_avi) order.count_packets();
       count_listed_packets(container);
+      // A transport or program stream's clock begins anywhere: players begin at its first picture.
+      const bool begins_anywhere = (format->iformat->flags & AVFMT_TS_DISCONT) != 0;
+      if (begins_anywhere && stream->start_time != AV_NOPTS_VALUE) clock_start = stream->start_time;
     }
     const bool is_glob = camera.frames.filename().string().find('%') == std::string::npos;
     if (const ImageFile* after = is_glob ? after_a_gap(images) : nullptr)
@@ -537,6 +540,10 @@ struct VideoReader::Impl {
     last_pts = pts;
   }
 
+  capture::Duration duration_of_ticks(std::int64_t ticks) const {
+    return capture::Duration(av_rescale_q(ticks, stream->time_base, {1, 1'000'000'000}));
+  }
+
   void show(std::optional<std::int64_t> pts, std::optional<capture::Image> image) {
     const std::int64_t number = index++;
     if (!selection.contains(number)) return;
@@ -544,8 +551,7 @@ struct VideoReader::Impl {
       warn(lost_warnings, "frame " + std::to_string(number) + " does not decode" + log.take());
     Shown picture{.index = number, .stamp = {}, .image = image ? std::move(*image) : capture::Image{}};
     if (picture.image.width > 0) picture.jpeg = std::exchange(jpeg_bytes, nullptr);
-    if (pts)
-      picture.stamp = capture::Timestamp{capture::Duration(av_rescale_q(*pts, stream->time_base, {1, 1'000'000'000}))};
+    if (pts) picture.stamp = capture::Timestamp{duration_of_ticks(*pts - clock_start.value_or(0))};
     ready.push_back(std::move(picture));
   }
 
@@ -560,8 +566,7 @@ struct VideoReader::Impl {
         format->duration_estimation_method == AVFMT_DURATION_FROM_BITRATE)
       return false;
     const double second = av_q2d(av_inv_q(stream->time_base));
-    const double begin = stream->start_time != AV_NOPTS_VALUE ? static_cast<double>(stream->start_time) : 0;
-    const double end = begin + static_cast<double>(format->duration) / AV_TIME_BASE * second;
+    const double end = static_cast<double>(format->duration) / AV_TIME_BASE * second;  // from 0 on, in these headers
     return static_cast<double>(*last_pts) + 2.5 * *ticks < end;
   }
 
@@ -597,6 +602,7 @@ struct VideoReader::Impl {
   capture::PacketPtr packet{capture::not_null(av_packet_alloc())};
   capture::PictureMaker pictures;
   int next_avi_entry = 0;
+  std::optional<std::int64_t> clock_start;  // ticks; of a container whose clock begins anywhere
   bool is_intra_only = false;
   bool is_delayed = false;
   bool is_avi = false;
@@ -639,6 +645,10 @@ capture::Duration VideoReader::frame_period() const {
   if (!impl_->stream) return capture::Duration::zero();
   const double rate = av_q2d(impl_->stream->avg_frame_rate);
   return rate > 0 && std::isfinite(rate) ? capture::duration_of(1 / rate) : capture::Duration::zero();
+}
+
+std::optional<capture::Duration> VideoReader::clock_start() const {
+  return impl_->clock_start ? std::optional(impl_->duration_of_ticks(*impl_->clock_start)) : std::nullopt;
 }
 
 }  // namespace huetrack::recordings
