@@ -1,6 +1,7 @@
 #include "recordings/video_reader.h"
 
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <cmath>
 #include <deque>
@@ -133,6 +134,9 @@ constexpr const char* films =
     "yuv4mpegpipe,mpjpeg,rm,wtv,mxf,vc1,image2,png_pipe,jpeg_pipe,bmp_pipe,tiff_pipe,webp_pipe,jpegls_pipe,j2k_pipe,"
     "pgm_pipe,ppm_pipe,pam_pipe,pbm_pipe,exr_pipe,qoi_pipe,dpx_pipe,sgi_pipe,sunrast_pipe,wav,mp3,flac,aac";
 
+// Without a container there are no time stamps: FFmpeg counts packets, and the first picture of MPEG-2 gets none.
+constexpr std::array<std::string_view, 7> elementary_streams{"mpegvideo", "m4v", "h264", "hevc", "vc1", "obu", "av1"};
+
 }  // namespace
 
 struct VideoReader::Impl {
@@ -214,6 +218,7 @@ struct VideoReader::Impl {
     if (stream) {
       const std::string_view container = format->iformat->name;
       is_avi = container == "avi";
+      has_stamps = std::ranges::count(elementary_streams, container) == 0;
       if (is_avi) order.count_packets();
       count_listed_packets(container);
       // A transport or program stream's clock begins anywhere: players begin at its first picture.
@@ -324,6 +329,7 @@ struct VideoReader::Impl {
         lost_reference(sent_key);
       }
       stamp_from_avi_index();
+      if (!has_stamps) packet->pts = packet->dts = AV_NOPTS_VALUE;
       if (is_delayed)
         decode_delayed();
       else
@@ -606,6 +612,7 @@ struct VideoReader::Impl {
   bool is_intra_only = false;
   bool is_delayed = false;
   bool is_avi = false;
+  bool has_stamps = true;
   bool warned_of_order = false;
   std::int64_t packets = 0;                            // read
   std::int64_t listed_packets = 0, listed_frames = 0;  // by the file's index or header; 0: unknown

@@ -105,6 +105,25 @@ TEST_F(FieldFile, StampsInTheOrderOfDecodingAreNamedAndPutInOrder) {
     }
 }
 
+TEST_F(FieldFile, ElementaryStreamsHaveNoTimeStamps) {
+  for (const auto& [file, codec] : {std::pair{"a.m2v", "mpeg2video"}, {"a.h264", "libx264"}}) {
+    Clip clip = with_b_frames(codec);
+    clip.fps = 25;
+    if (codec == std::string("mpeg2video")) clip.b_frames = 0;
+    const auto path = write(file, clip);
+    const FieldPlay given = play_field(path, field_fps);
+    EXPECT_THAT(given.shown, numbers_to(18)) << file;
+    expect_even_times(given);
+    EXPECT_THAT(given.warnings, IsEmpty()) << file;
+    try {
+      play_field(path);
+      ADD_FAILURE() << file;
+    } catch (const files::ConfigError& error) {
+      EXPECT_THAT(error.what(), HasSubstr("has no time stamps: give fps")) << file;
+    }
+  }
+}
+
 // Its clock begins anywhere, and no header has it.
 TEST_F(FieldFile, TransportAndProgramStreamsBeginAtZero) {
   for (const std::string file : {"a.ts", "a.m2ts", "a.mpg", "a.vob"})
