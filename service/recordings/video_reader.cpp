@@ -309,7 +309,8 @@ struct VideoReader::Impl {
     for (int i = 0; result == AVERROR(EAGAIN) && i < 1000; ++i) result = av_read_frame(format.get(), packet.get());
     const bool is_damaged = log.container_count() > 0;
     if (result < 0) {
-      damaged = damaged || is_damaged || is_delayed;  // a truncated file may lack frames before its last one
+      damaged = damaged || is_damaged;
+      may_lack_last = is_delayed;  // a truncated file may lack frames before its last one
       decode_rest();
       const bool read_failed = result != AVERROR_EOF || (format->pb && format->pb->error < 0);
       if (read_failed || is_damaged || ends_early())
@@ -509,11 +510,11 @@ struct VideoReader::Impl {
   // if that is impossible, so the time stamp itself is damaged.
   std::optional<std::int64_t> gap_before(std::int64_t pts) const {
     const auto ticks = step();
-    if (!damaged || !ticks) return 0;
+    if ((!damaged && !may_lack_last) || !ticks) return 0;
     const double frames = static_cast<double>(pts - last_pts.value_or(0)) / *ticks - (last_pts ? 1 : 0);
     const auto most =
         frame_count() ? std::clamp<std::int64_t>(*frame_count() - index, 0, longest_gap_frames) : longest_gap_frames;
-    if (std::round(frames) > static_cast<double>(most)) return std::nullopt;
+    if (std::round(frames) > static_cast<double>(most)) return damaged ? std::nullopt : std::optional<std::int64_t>(0);
     return std::max<std::int64_t>(0, std::llround(frames));
   }
 
@@ -625,7 +626,8 @@ struct VideoReader::Impl {
   std::int64_t sent_key = -1;
   std::optional<std::int64_t> broken_from;
 
-  bool damaged = false;    // the container, somewhere before this point
+  bool damaged = false;  // the container, somewhere before this point
+  bool may_lack_last = false;
   bool is_regular = true;  // the time stamps, up to the damage
   std::int64_t regular_count = 0;
   std::int64_t regular_last = 0;

@@ -198,6 +198,21 @@ TEST_F(FieldFile, TrimmedFilesBeginAtTheirFirstFrameAndAreWhole) {
     }
 }
 
+// As ffmpeg -t cuts it: the last picture comes before those that are shown before it.
+TEST_F(FieldFile, TheLastPictureOfACutFilmHasItsTime) {
+  Clip clip = with_b_frames("libx264");
+  clip.tamper = [](int k, AVPacket&) { return k <= 13; };
+  for (const std::string file : {"a.mp4", "a.mov", "a.mkv"}) {
+    const FieldPlay played = play_field(write(file, clip));
+    ASSERT_GE(played.shown.size(), 14u) << file;
+    for (std::size_t k = 0; k < played.shown.size(); ++k) {
+      if (played.shown[k] < 0) continue;
+      EXPECT_NEAR(played.at_frames[k] - played.at_frames[0], played.shown[k], 0.03) << file;
+    }
+    EXPECT_THAT(played.warnings, testing::Not(Contains(HasSubstr("no time stamp")))) << file;
+  }
+}
+
 TEST_F(FieldFile, StampsThatGoBackAreCounted) {  // two files as one
   write("a.ts", {.codec = "mpeg2video", .format = AV_PIX_FMT_YUV420P, .fps = 25});
   const std::string bytes = capture::read_bytes(folder / "a.ts");
