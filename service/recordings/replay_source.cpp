@@ -369,7 +369,10 @@ class Stream {
     const std::int64_t absent = selection_.count_below(*last + 1) - selection_.count_below(end);
     if (absent <= 0) return;
     info_.missing += absent;
-    warn("has no frame for the last " + std::to_string(absent) + " rows of its time stamps");
+    const std::int64_t first = camera_.timestamps.front().first;
+    const bool is_shifted = first > 0 && absent == first && camera_.first_frame == 0 && camera_.every == 1;
+    warn("has no frame for the last " + std::to_string(absent) + " rows of its time stamps" +
+         (is_shifted ? ", whose first row is frame " + std::to_string(first) + ": frames count from 0" : ""));
   }
 
   // At the end, when it is known how many there were.
