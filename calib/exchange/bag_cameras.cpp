@@ -8,6 +8,8 @@
 #include <optional>
 
 #include "calib/exchange/exchanged_camera.h"
+#include "calib/files/config_error.h"
+#include "calib/files/text_file.h"
 #include "recordings/bags/bag.h"
 #include "recordings/bags/camera_topics.h"
 #include "recordings/bags/messages.h"

@@ -123,6 +123,10 @@ bool append_numbers(const Value& value, std::vector<double>& out) {
 std::vector<Value> documents_of(const std::filesystem::path& file) {
   const bool is_toml = file.extension() == ".toml";
   const std::string text = text_of(file, is_toml ? files::Keys::dotted : files::Keys::plain);
+  if (text.find('\0') != std::string::npos)
+    throw files::ConfigError(file, 0,
+                             "is a binary file (of MATLAB, NumPy, pickle or the like): write its camera matrix, "
+                             "distortion and image size as YAML or JSON");
   const auto first = text.find_first_not_of(" \t\r\n\xef\xbb\xbf");
   std::vector<Value> documents;
   if (is_toml)

@@ -86,7 +86,9 @@ void check_ignored(const ServiceConfig& config, const yaml::YamlReader& root) {
 void check_crop(const LiveCameraConfig& camera, calib::ImageSize calibrated, const yaml::YamlReader& at) {
   if (!camera.crop) return;
   if (!camera.host.empty() || capture::is_network_address(camera.device.native()))
-    at.fail("crop", "is for a camera that is connected to this host");
+    at.fail("crop",
+            "is for a camera that is connected to this host: connect it here, or have its pictures cropped where they "
+            "come from");
   if (!camera.size) at.fail("crop", "needs size: that of the device's whole picture, as [1280, 480]");
   if (camera.crop->width != calibrated.width || camera.crop->height != calibrated.height)
     at.fail("crop", fmt::format("is {}x{}, and the rig was calibrated at {}x{}: calibrate with this crop",

@@ -122,9 +122,10 @@ std::optional<tracks::Truth> truth_of(const config::ServiceConfig& config, const
   for (const auto& sentence : truth.match(config.dds.publisher.targets))
     spdlog::warn("{}: {}", command.truth.string(), sentence);
   capture::Timestamp last = source.first_at().value_or(capture::Timestamp{});
-  for (const auto& camera : source.cameras())
-    if (camera.first_at)
-      last = std::max(last, *camera.first_at + camera.expected_frames.value_or(1) * camera.frame_period);
+  for (const auto& camera : source.cameras()) {
+    if (!camera.expected_frames) return truth;  // how long it is, no file says
+    if (camera.first_at) last = std::max(last, *camera.first_at + *camera.expected_frames * camera.frame_period);
+  }
   const auto& volume = config.object_tracking.volume;
   for (const auto& sentence : truth.contradictions(source.first_at().value_or(last), last, {volume.min, volume.max}))
     spdlog::warn("{}: {}", command.truth.string(), sentence);

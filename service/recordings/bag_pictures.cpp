@@ -79,7 +79,9 @@ std::vector<bags::CameraTopics> cameras_in(const std::filesystem::path& bag, bag
   if (cameras.empty())
     throw files::ConfigError(
         bag, 0,
-        "has no topic of sensor_msgs/Image or CompressedImage with pictures of a camera; " + other_topics(contents));
+        "has no topic of sensor_msgs/Image or CompressedImage with pictures of a camera (convert others, as H.264 in "
+        "messages, to one of these, or to a video); " +
+            other_topics(contents));
   return cameras;
 }
 

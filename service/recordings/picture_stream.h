@@ -26,6 +26,8 @@ class PictureStream {
   // Of the whole stream, as declared by the file: may be wrong. nullopt: unknown
   virtual std::optional<std::int64_t> frame_count() const { return std::nullopt; }
   virtual capture::Duration frame_period() const { return capture::Duration::zero(); }  // usual; 0 when unknown
+  // Of a container whose clock begins anywhere: its time at the first picture, whose stamp is 0.
+  virtual std::optional<capture::Duration> clock_start() const { return std::nullopt; }
 };
 
 }  // namespace huetrack::recordings

@@ -163,6 +163,12 @@ class Stream {
     return info_.first_at.value_or(capture::Timestamp{}) + (*info_.expected_frames - 1) * info_.frame_period;
   }
 
+  // PictureStream::clock_start(), unless the recording gives the times.
+  std::optional<capture::Duration> clock_start() const {
+    const bool is_given = camera_.fps > 0 || !camera_.timestamps.empty() || camera_.offset != capture::Duration::zero();
+    return reader_ && !is_given ? reader_->clock_start() : std::nullopt;
+  }
+
  private:
   // The next picture, or an earlier frame that was recorded as corrupted.
   std::optional<capture::Frame> read() {
@@ -363,7 +369,10 @@ class Stream {
     const std::int64_t absent = selection_.count_below(*last + 1) - selection_.count_below(end);
     if (absent <= 0) return;
     info_.missing += absent;
-    warn("has no frame for the last " + std::to_string(absent) + " rows of its time stamps");
+    const std::int64_t first = camera_.timestamps.front().first;
+    const bool is_shifted = first > 0 && absent == first && camera_.first_frame == 0 && camera_.every == 1;
+    warn("has no frame for the last " + std::to_string(absent) + " rows of its time stamps" +
+         (is_shifted ? ", whose first row is frame " + std::to_string(first) + ": frames count from 0" : ""));
   }
 
   // At the end, when it is known how many there were.
@@ -434,6 +443,24 @@ void warn_of_times_apart(const Recording& recording, const std::vector<std::uniq
   }
 }
 
+// Films whose clocks begin anywhere: whether these began together, or are one clock, no file says.
+void warn_of_clocks_apart(const std::vector<std::unique_ptr<Stream>>& streams, std::vector<std::string>& warnings) {
+  const Stream* first = nullptr;
+  for (const auto& stream : streams) {
+    const auto start = stream->clock_start();
+    if (!start) continue;
+    if (first == nullptr) first = stream.get();
+    const capture::Duration later = *start - *first->clock_start();
+    if (2 * std::chrono::abs(later) <= stream->info().frame_period) continue;
+    warnings.push_back(
+        fmt::format("{}: its clock begins {:.3f} s {} than that of {}; both are played from their own beginning, as in "
+                    "players: if they have one clock, give camera {} offset_s: {:.3f}",
+                    stream->info().file.string(), std::abs(capture::seconds(later)),
+                    later > capture::Duration::zero() ? "later" : "earlier", first->info().file.string(),
+                    stream->info().name, capture::seconds(later)));
+  }
+}
+
 }  // namespace
 
 std::vector<std::string> ReplayOptions::problems() const {
@@ -481,6 +508,7 @@ ReplaySource::ReplaySource(const Recording& recording, std::span<const std::stri
     impl_->cameras.push_back(impl_->streams.back()->info());
   }
   warn_of_times_apart(recording, impl_->streams, impl_->warnings);
+  warn_of_clocks_apart(impl_->streams, impl_->warnings);
   impl_->repeats_arrivals =
       std::ranges::all_of(impl_->streams, [](const auto& stream) { return stream->has_arrivals(); });
 }

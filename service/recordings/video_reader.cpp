@@ -1,6 +1,7 @@
 #include "recordings/video_reader.h"
 
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <cmath>
 #include <deque>
@@ -133,6 +134,9 @@ constexpr const char* films =
     "yuv4mpegpipe,mpjpeg,rm,wtv,mxf,vc1,image2,png_pipe,jpeg_pipe,bmp_pipe,tiff_pipe,webp_pipe,jpegls_pipe,j2k_pipe,"
     "pgm_pipe,ppm_pipe,pam_pipe,pbm_pipe,exr_pipe,qoi_pipe,dpx_pipe,sgi_pipe,sunrast_pipe,wav,mp3,flac,aac";
 
+// Without a container there are no time stamps: FFmpeg counts packets, and the first picture of MPEG-2 gets none.
+constexpr std::array<std::string_view, 7> elementary_streams{"mpegvideo", "m4v", "h264", "hevc", "vc1", "obu", "av1"};
+
 }  // namespace
 
 struct VideoReader::Impl {
@@ -214,8 +218,12 @@ struct VideoReader::Impl {
     if (stream) {
       const std::string_view container = format->iformat->name;
       is_avi = container == "avi";
+      has_stamps = std::ranges::count(elementary_streams, container) == 0;
       if (is_avi) order.count_packets();
       count_listed_packets(container);
+      // A transport or program stream's clock begins anywhere: players begin at its first picture.
+      const bool begins_anywhere = (format->iformat->flags & AVFMT_TS_DISCONT) != 0;
+      if (begins_anywhere && stream->start_time != AV_NOPTS_VALUE) clock_start = stream->start_time;
     }
     const bool is_glob = camera.frames.filename().string().find('%') == std::string::npos;
     if (const ImageFile* after = is_glob ? after_a_gap(images) : nullptr)
@@ -301,7 +309,8 @@ struct VideoReader::Impl {
     for (int i = 0; result == AVERROR(EAGAIN) && i < 1000; ++i) result = av_read_frame(format.get(), packet.get());
     const bool is_damaged = log.container_count() > 0;
     if (result < 0) {
-      damaged = damaged || is_damaged || is_delayed;  // a truncated file may lack frames before its last one
+      damaged = damaged || is_damaged;
+      may_lack_last = is_delayed;  // a truncated file may lack frames before its last one
       decode_rest();
       const bool read_failed = result != AVERROR_EOF || (format->pb && format->pb->error < 0);
       if (read_failed || is_damaged || ends_early())
@@ -321,6 +330,7 @@ struct VideoReader::Impl {
         lost_reference(sent_key);
       }
       stamp_from_avi_index();
+      if (!has_stamps) packet->pts = packet->dts = AV_NOPTS_VALUE;
       if (is_delayed)
         decode_delayed();
       else
@@ -500,11 +510,11 @@ struct VideoReader::Impl {
   // if that is impossible, so the time stamp itself is damaged.
   std::optional<std::int64_t> gap_before(std::int64_t pts) const {
     const auto ticks = step();
-    if (!damaged || !ticks) return 0;
+    if ((!damaged && !may_lack_last) || !ticks) return 0;
     const double frames = static_cast<double>(pts - last_pts.value_or(0)) / *ticks - (last_pts ? 1 : 0);
     const auto most =
         frame_count() ? std::clamp<std::int64_t>(*frame_count() - index, 0, longest_gap_frames) : longest_gap_frames;
-    if (std::round(frames) > static_cast<double>(most)) return std::nullopt;
+    if (std::round(frames) > static_cast<double>(most)) return damaged ? std::nullopt : std::optional<std::int64_t>(0);
     return std::max<std::int64_t>(0, std::llround(frames));
   }
 
@@ -537,6 +547,10 @@ struct VideoReader::Impl {
     last_pts = pts;
   }
 
+  capture::Duration duration_of_ticks(std::int64_t ticks) const {
+    return capture::Duration(av_rescale_q(ticks, stream->time_base, {1, 1'000'000'000}));
+  }
+
   void show(std::optional<std::int64_t> pts, std::optional<capture::Image> image) {
     const std::int64_t number = index++;
     if (!selection.contains(number)) return;
@@ -544,8 +558,7 @@ struct VideoReader::Impl {
       warn(lost_warnings, "frame " + std::to_string(number) + " does not decode" + log.take());
     Shown picture{.index = number, .stamp = {}, .image = image ? std::move(*image) : capture::Image{}};
     if (picture.image.width > 0) picture.jpeg = std::exchange(jpeg_bytes, nullptr);
-    if (pts)
-      picture.stamp = capture::Timestamp{capture::Duration(av_rescale_q(*pts, stream->time_base, {1, 1'000'000'000}))};
+    if (pts) picture.stamp = capture::Timestamp{duration_of_ticks(*pts - clock_start.value_or(0))};
     ready.push_back(std::move(picture));
   }
 
@@ -560,8 +573,7 @@ struct VideoReader::Impl {
         format->duration_estimation_method == AVFMT_DURATION_FROM_BITRATE)
       return false;
     const double second = av_q2d(av_inv_q(stream->time_base));
-    const double begin = stream->start_time != AV_NOPTS_VALUE ? static_cast<double>(stream->start_time) : 0;
-    const double end = begin + static_cast<double>(format->duration) / AV_TIME_BASE * second;
+    const double end = static_cast<double>(format->duration) / AV_TIME_BASE * second;  // from 0 on, in these headers
     return static_cast<double>(*last_pts) + 2.5 * *ticks < end;
   }
 
@@ -597,9 +609,11 @@ struct VideoReader::Impl {
   capture::PacketPtr packet{capture::not_null(av_packet_alloc())};
   capture::PictureMaker pictures;
   int next_avi_entry = 0;
+  std::optional<std::int64_t> clock_start;  // ticks; of a container whose clock begins anywhere
   bool is_intra_only = false;
   bool is_delayed = false;
   bool is_avi = false;
+  bool has_stamps = true;
   bool warned_of_order = false;
   std::int64_t packets = 0;                            // read
   std::int64_t listed_packets = 0, listed_frames = 0;  // by the file's index or header; 0: unknown
@@ -612,7 +626,8 @@ struct VideoReader::Impl {
   std::int64_t sent_key = -1;
   std::optional<std::int64_t> broken_from;
 
-  bool damaged = false;    // the container, somewhere before this point
+  bool damaged = false;  // the container, somewhere before this point
+  bool may_lack_last = false;
   bool is_regular = true;  // the time stamps, up to the damage
   std::int64_t regular_count = 0;
   std::int64_t regular_last = 0;
@@ -639,6 +654,10 @@ capture::Duration VideoReader::frame_period() const {
   if (!impl_->stream) return capture::Duration::zero();
   const double rate = av_q2d(impl_->stream->avg_frame_rate);
   return rate > 0 && std::isfinite(rate) ? capture::duration_of(1 / rate) : capture::Duration::zero();
+}
+
+std::optional<capture::Duration> VideoReader::clock_start() const {
+  return impl_->clock_start ? std::optional(impl_->duration_of_ticks(*impl_->clock_start)) : std::nullopt;
 }
 
 }  // namespace huetrack::recordings

@@ -65,7 +65,8 @@ std::string mistake_text(const view_watch::Mistake& mistake, const object_tracki
     case MistakeKind::other_rig:
       return fmt::format(
           "no two cameras agree on the position of {}, their views are {:.0f} px apart: the rig looks like that of "
-          "another room or of other cameras: give the right rig, or calibrate again",
+          "another room or of other cameras, or the times are far apart: give the right rig, or offset_s, or calibrate "
+          "again",
           target.name, mistake.off_px);
     case MistakeKind::contradiction:
       return fmt::format(

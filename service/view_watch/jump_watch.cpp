@@ -11,6 +11,7 @@ struct JumpTuning {
   double least_radii = 5;         // of a jump, in every view: 0.2 m for a ball of 4 cm
   double times_the_speed = 5;     // of the steps before and after it; a throw, a bounce is as fast beside it
   double longest_step_s = 0.2;    // unseen for longer, it may be anywhere
+  double most_scale = 2;          // of the object in a view: half as far away; smaller ones are specks of its colour
   std::size_t longest_run = 2;    // jumps without a smooth step in between: one picture out of place
   double window_s = 3;            // in which they are counted
   int least_count = 4;            // there: an object of the colour that appears as another leaves is rarer
@@ -21,37 +22,42 @@ constexpr JumpTuning tuning{};
 }  // namespace
 
 void JumpWatch::look(std::span<const object_tracking::SeenRegion> regions, double now_s, double radius_m) {
-  std::vector<Only> now(last_.size());
-  std::vector<int> counts(last_.size(), 0);
+  std::vector<Largest> now(last_.size());
   for (const auto& region : regions) {
     const auto c = static_cast<std::size_t>(region.camera);
-    if (c < now.size()) now[c] = ++counts[c] == 1 ? Only{region.px, region.radius_px, now_s} : Only{};
+    if (c < now.size() && region.radius_px > now[c].radius_px)
+      now[c] = {region.px, region.radius_px, now_s, region.is_target};
   }
   constexpr double far = std::numeric_limits<double>::infinity();
-  Step step{now_s, far, far};
+  Step step{now_s, far, far, true};
   std::size_t views = 0;
   for (std::size_t c = 0; c < now.size(); ++c) {
-    if (counts[c] == 0) continue;  // its last one stays
-    const Only before = std::exchange(last_[c], now[c]);
+    if (now[c].radius_px <= 0) continue;  // its last one stays
+    const Largest before = std::exchange(last_[c], now[c]);
     const double since_s = now_s - before.at_s;
-    if (now[c].radius_px <= 0 || before.radius_px <= 0 || since_s <= 0 || since_s > tuning.longest_step_s) continue;
+    if (since_s <= 0 || since_s > tuning.longest_step_s ||
+        std::max(now[c].radius_px, before.radius_px) > tuning.most_scale * std::min(now[c].radius_px, before.radius_px))
+      continue;
     ++views;
     const double radii = (now[c].px - before.px).norm() / std::min(now[c].radius_px, before.radius_px);
-    step = {now_s, std::min(step.radii, radii), std::min(step.speed, radii / since_s)};
+    step = {now_s, std::min(step.radii, radii), std::min(step.speed, radii / since_s),
+            step.is_of_target && now[c].is_target};
   }
   while (!jumps_.empty() && jumps_.front().at_s < now_s - tuning.window_s) jumps_.pop_front();
   if (!steps_.empty() && steps_.back().at_s < now_s - tuning.longest_step_s) steps_.clear();
   if (views < tuning.least_cameras) return;
   steps_.push_back(step);
   if (steps_.size() > tuning.longest_run + 2) steps_.pop_front();
-  // A run of large steps that has just ended, with a small one on either side.
+  // A run of large steps that has just ended, with a small one of the tracked object on either side: what flickers in
+  // its colour has none.
   for (std::size_t run = 1; run <= tuning.longest_run && steps_.size() >= run + 2; ++run) {
     const auto first = steps_.end() - 1 - static_cast<std::ptrdiff_t>(run);
     const double beside = std::max((first - 1)->speed, steps_.back().speed);
     const auto is_jump = [&](const Step& s) {
       return s.radii > tuning.least_radii && s.speed > tuning.times_the_speed * beside;
     };
-    if (!std::all_of(first, steps_.end() - 1, is_jump)) continue;
+    if (!(first - 1)->is_of_target || !steps_.back().is_of_target || !std::all_of(first, steps_.end() - 1, is_jump))
+      continue;
     for (auto jump = first; jump != steps_.end() - 1; ++jump) jumps_.push_back({jump->at_s, jump->radii * radius_m});
     break;
   }

@@ -109,6 +109,8 @@ inline void write_clip(const std::filesystem::path& file, const Clip& clip) {
   codec->thread_count = 1;
   codec->flags |= AV_CODEC_FLAG_QSCALE | AV_CODEC_FLAG_BITEXACT;
   codec->global_quality = 2 * FF_QP2LAMBDA;
+  if (clip.codec == "mpeg4")  // key frames only where asked for, not where the picture changes
+    av_opt_set_int(codec.get(), "sc_threshold", 1'000'000'000, AV_OPT_SEARCH_CHILDREN);
   if (clip.codec == "ffv1") {
     codec->level = 3;  // with a checksum per slice
     codec->slices = 4;

@@ -2,6 +2,9 @@
 
 #include <gmock/gmock.h>
 
+#include "capture/ffmpeg/ffmpeg_objects.h"
+#include "capture/ffmpeg/ffmpeg_picture.h"
+
 namespace huetrack::capture {
 namespace {
 
@@ -25,6 +28,30 @@ Image picture(PixelFormat format, int width = 8, int height = 6) {
 
 int first_component(const Image& image, int u, int v) {
   return image.format == PixelFormat::bgr ? bgr_at(image, u, v).b : yuv_at(image, u, v).y;
+}
+
+// Four pixels share a colour, converted or not.
+TEST(PictureMaker, ConvertedPicturesKeepTheirColoursInPlace) {
+  constexpr int size = 16;
+  FramePtr frame(not_null(av_frame_alloc()));
+  frame->format = AV_PIX_FMT_YUV420P;
+  frame->colorspace = AVCOL_SPC_BT709;
+  frame->width = frame->height = size;
+  ASSERT_EQ(av_frame_get_buffer(frame.get(), 0), 0);
+  const auto v_of = [](int x, int y) { return 90 + 20 * ((x / 2 + y / 2) % 5); };
+  for (int y = 0; y < size; ++y)
+    for (int x = 0; x < size; ++x) {
+      frame->data[0][y * frame->linesize[0] + x] = 120;
+      frame->data[1][y / 2 * frame->linesize[1] + x / 2] = 128;
+      frame->data[2][y / 2 * frame->linesize[2] + x / 2] = static_cast<std::uint8_t>(v_of(x, y));
+    }
+  PictureMaker maker;
+  const auto image = maker.image_of(std::move(frame), AV_CODEC_ID_H264);
+  ASSERT_TRUE(image);
+  ASSERT_EQ(image->format, PixelFormat::bgr);
+  for (int y = 0; y < size; ++y)
+    for (int x = 0; x < size; ++x)  // ITU-R BT.709, limited range
+      EXPECT_NEAR(bgr_at(*image, x, y).r, 1.164 * (120 - 16) + 1.793 * (v_of(x, y) - 128), 2) << x << ' ' << y;
 }
 
 TEST(PictureLayout, TurnsEveryFormatByEveryTag) {

@@ -418,7 +418,9 @@ INSTANTIATE_TEST_SUITE_P(
             "its picture"},
         Mistake{"CropOfANetworkCamera",
                 ball + "cameras:\n  cam0: {device: \"rtsp://c/1\", size: [640, 240], crop: [0, 0, 320, 240]}\n",
-                "c.yaml:5: cameras.cam0.crop: is for a camera that is connected to this host"},
+                "c.yaml:5: cameras.cam0.crop: is for a camera that is connected to this host: connect it here, or have "
+                "its pictures cropped where they "
+                "come from"},
         Mistake{"SizeNotTheRigs", ball + "cameras:\n  cam0: {device: 0, size: [640, 480]}\n",
                 "c.yaml:5: cameras.cam0.size: the rig was calibrated at 320x240: use that size (or the word rig), or "
                 "calibrate anew"},

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 
@@ -89,12 +90,28 @@ TEST_F(FieldCases, FieldPicturesAreFrames) {
                                           "frames: " + file("paff/paff1.mts") + ", fps: 30")});
   EXPECT_LT(paff.rms_mm, 10) << paff.text;  // half of the rows
   EXPECT_THAT(paff.text, AllOf(HasSubstr("20 frame sets"), HasSubstr("0 corrupted"), HasSubstr("is interlaced")));
+  EXPECT_LT(replay({"cam0=" + file("paff/paff0.mts"), "cam1=" + file("paff/paff1.mts")}).rms_mm, 10);
 }
 
 TEST_F(FieldCases, ImagesAreInTheOrderOfTheirNumbers) {
   const auto by_number = replay({file("glob_order/recording.yaml")});
   EXPECT_EQ(by_number.status, 0) << by_number.text;
   EXPECT_LT(by_number.rms_mm, 3.5) << by_number.text;
+}
+
+// As a program that sorts by letters numbers them anew.
+TEST_F(FieldCases, PicturesInTheOrderOfLettersAreNamed) {
+  for (const std::string camera : {"cam0", "cam1"}) {
+    std::vector<fs::path> files;
+    for (const auto& entry : fs::directory_iterator(field_cases / "glob_order" / camera)) files.push_back(entry.path());
+    std::ranges::sort(files);
+    fs::create_directories(folder_ / camera);
+    for (std::size_t k = 0; k < files.size(); ++k)
+      fs::copy_file(files[k], folder_ / camera / (std::to_string(k) + ".jpg"));
+  }
+  const auto by_letters = replay({recording("frames: \"cam0/*.jpg\", fps: 30", "frames: \"cam1/*.jpg\", fps: 30")});
+  EXPECT_EQ(by_letters.status, 3) << by_letters.text;
+  EXPECT_THAT(by_letters.text, HasSubstr("not in the order in which they were taken"));
 }
 
 TEST_F(FieldCases, TablesOfTimesAreReadOrRefusedForTheRightReason) {

@@ -408,6 +408,7 @@ TEST_F(Peers, ARefusalNamesTheToolAndTheKeys) {
   EXPECT_THAT(error_of("wrong.toml", toml_section("cam_0", truth().cameras[0], 1), {.format = ExchangeFormat::ros}),
               AllOf(HasSubstr("--from, ros"), HasSubstr("looks like aniposelib")));
   EXPECT_THAT(error_of("anchors.yaml", "a: &x [1]\nb: *x\n"), HasSubstr("anchors.yaml:2"));
+  EXPECT_THAT(error_of("calib.mat", std::string("MATLAB 5.0 MAT-file\0\1", 21)), HasSubstr("is a binary file"));
 }
 
 // The same files as users have them (shared/data/field_cases), from a rig that is beside them.

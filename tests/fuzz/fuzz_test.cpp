@@ -23,6 +23,7 @@
 #include "idl/huetrackPubSubTypes.h"
 #include "idl/huetrack_viewPubSubTypes.h"
 #include "idl/object_setPubSubTypes.h"
+#include "recordings/bag_writer.h"
 #include "tracks/track_csv.h"
 
 namespace huetrack::fuzz {
@@ -232,6 +233,36 @@ std::vector<std::string> matches() {
   return seeds;
 }
 
+// Pictures, a lens' and a room's messages in each container; the first byte as targets/bag.cpp reads it.
+std::vector<std::string> bag_files() {
+  using namespace recordings;
+  const std::string jpeg = picture(16, 8);
+  const auto messages = [&](Wire wire, const std::string& msg) {
+    std::vector<WrittenMessage> all;
+    for (std::int64_t at = 1'000'000'000; at < 1'300'000'000; at += 100'000'000) {
+      all.push_back({"/left/image/compressed", "sensor_msgs" + msg + "/CompressedImage", at,
+                     compressed_image(wire, at, "jpeg", jpeg)});
+      all.push_back({"/right/image", "sensor_msgs" + msg + "/Image", at,
+                     raw_image(wire, at, 16, 8, "bgr8", 48, std::string(384, 'x'))});
+    }
+    all.push_back({"/left/camera_info", "sensor_msgs" + msg + "/CameraInfo", 1'000'000'000,
+                   MessageBytes(wire).header(1'000'000'000, "left").numbers(std::vector<std::uint32_t>{8, 16}).done()});
+    all.push_back({"/tf_static", "tf2_msgs" + msg + "/TFMessage", 1'000'000'000,
+                   MessageBytes(wire).number(std::uint32_t{1}).header(1'000'000'000, "world").text("left").done()});
+    return all;
+  };
+  std::vector<std::string> seeds;
+  for (const std::string compression : {"", "lz4", "zstd"})
+    seeds.push_back(std::string(1, '\0') + mcap_of(messages({}, "/msg"), {.compression = compression}));
+  seeds.push_back(std::string(1, '\0') +
+                  mcap_of(messages({.is_big_endian = true}, "/msg"), {.has_index = false, .has_chunks = false}));
+  for (const std::string compression : {"none", "bz2", "lz4"})
+    seeds.push_back("\1" + ros1_bag_of(messages({.is_ros1 = true}, ""), compression));
+  write_db3(folder() / "seed.db3", messages({}, "/msg"));
+  seeds.push_back("\2" + contents(folder() / "seed.db3"));
+  return seeds;
+}
+
 std::vector<std::string> requests() {
   const std::string words = std::string(1, '\0') +
                             "target\tset\tball\tradius_m=0.05\thue_deg=340,20\tcamera=a\n"
@@ -324,6 +355,7 @@ std::map<std::string, std::vector<std::string>> seeds() {
       {"map", {map()}},
       {"jpeg", {picture(32, 24), picture(8, 8)}},
       {"video", {film, picture(32, 24)}},
+      {"bag", bag_files()},
       {"dds", samples()},
       {"matches", matches()},
       {"measured",

@@ -89,11 +89,9 @@ TEST_F(FieldFile, BFramesInAviHaveTheTimesOfTheirPlace) {
 TEST_F(FieldFile, StampsInTheOrderOfDecodingAreNamedAndPutInOrder) {
   for (const std::string file : {"a.mkv", "a.mp4", "a.mov", "a.ts"})
     for (const std::string codec : {"mpeg4", "libx264"}) {
-      // FFmpeg drops the first picture of this one, whose edit list trims it.
-      if (codec == "mpeg4" && (file == "a.mp4" || file == "a.mov")) continue;
       Clip clip = with_b_frames(codec);
-      clip.tamper = [](int k, AVPacket& packet) {
-        packet.pts = packet.dts = k - 2;
+      clip.tamper = [](int, AVPacket& packet) {
+        packet.pts = packet.dts;  // before 0 at first, so that an MP4 trims them
         return true;
       };
       const FieldPlay played = play_field(write(file, clip));
@@ -105,6 +103,80 @@ TEST_F(FieldFile, StampsInTheOrderOfDecodingAreNamedAndPutInOrder) {
       EXPECT_THAT(given.shown, numbers_to(18)) << file << codec;
       EXPECT_THAT(given.warnings, IsEmpty()) << file << codec;
     }
+}
+
+TEST_F(FieldFile, ElementaryStreamsHaveNoTimeStamps) {
+  for (const auto& [file, codec] : {std::pair{"a.m2v", "mpeg2video"}, {"a.h264", "libx264"}}) {
+    Clip clip = with_b_frames(codec);
+    clip.fps = 25;
+    if (codec == std::string("mpeg2video")) clip.b_frames = 0;
+    const auto path = write(file, clip);
+    const FieldPlay given = play_field(path, field_fps);
+    EXPECT_THAT(given.shown, numbers_to(18)) << file;
+    expect_even_times(given);
+    EXPECT_THAT(given.warnings, IsEmpty()) << file;
+    try {
+      play_field(path);
+      ADD_FAILURE() << file;
+    } catch (const files::ConfigError& error) {
+      EXPECT_THAT(error.what(), HasSubstr("has no time stamps: give fps")) << file;
+    }
+  }
+}
+
+// Its clock begins anywhere, and no header has it.
+TEST_F(FieldFile, TransportAndProgramStreamsBeginAtZero) {
+  for (const std::string file : {"a.ts", "a.m2ts", "a.mpg", "a.vob"})
+    for (const int later : {0, 1000}) {
+      Clip clip = with_b_frames("mpeg2video");
+      clip.fps = 25, clip.b_frames = 0;
+      clip.tamper = [&](int, AVPacket& packet) {
+        packet.pts += later, packet.dts += later;
+        return true;
+      };
+      const FieldPlay played = play_field(write(file, clip));
+      ASSERT_THAT(played.shown, numbers_to(18)) << file;
+      EXPECT_NEAR(played.at_frames[0], 0, 0.01) << file;
+      EXPECT_NEAR(played.at_frames[17], 17. * field_fps / clip.fps, 0.01) << file;
+      EXPECT_THAT(played.warnings, IsEmpty()) << file;
+    }
+}
+
+TEST_F(FieldFile, ClocksThatDoNotBeginTogetherAreNamed) {
+  Recording recording;
+  recording.file = "recording.yaml";
+  for (const std::string name : {"a", "b"}) {
+    Clip clip = with_b_frames("libx264");
+    clip.b_frames = 0;
+    clip.tamper = [&](int, AVPacket& packet) {
+      packet.pts += name == "b" ? 7 : 0, packet.dts += name == "b" ? 7 : 0;
+      return true;
+    };
+    auto& camera = recording.cameras.emplace_back();
+    camera.name = name;
+    camera.frames = write(name + ".ts", clip);
+  }
+  const std::vector<std::string> names{"a", "b"};
+  EXPECT_THAT(ReplaySource(recording, names, {}).take_warnings(),
+              ElementsAre(AllOf(HasSubstr("b.ts"), HasSubstr("begins 0.700 s later"), HasSubstr("offset_s: 0.700"))));
+  recording.cameras[1].offset = 700ms;
+  EXPECT_THAT(ReplaySource(recording, names, {}).take_warnings(), IsEmpty());
+}
+
+// Durations in these headers are counted from 0, not from the first picture.
+TEST_F(FieldFile, FilmsThatBeginLateAreNotCutOff) {
+  for (const std::string file : {"a.mkv", "a.flv", "a.asf", "a.nut", "a.mp4"}) {
+    Clip clip = with_b_frames(file == "a.asf" ? "msmpeg4" : "libx264");
+    if (file == "a.asf") clip.b_frames = 0;
+    clip.tamper = [&](int, AVPacket& packet) {
+      packet.pts += 30, packet.dts += 30;
+      return true;
+    };
+    const FieldPlay played = play_field(write(file, clip));
+    EXPECT_THAT(played.shown, numbers_to(18)) << file;
+    EXPECT_NEAR(played.at_frames[0], 30, 0.05) << file;
+    EXPECT_THAT(played.warnings, IsEmpty()) << file;
+  }
 }
 
 // An edit list trims the first frames, of which others are predicted.
@@ -124,6 +196,21 @@ TEST_F(FieldFile, TrimmedFilesBeginAtTheirFirstFrameAndAreWhole) {
       EXPECT_NEAR(played.at_frames[0], 0, 0.01);
       expect_even_times(played);
     }
+}
+
+// As ffmpeg -t cuts it: the last picture comes before those that are shown before it.
+TEST_F(FieldFile, TheLastPictureOfACutFilmHasItsTime) {
+  Clip clip = with_b_frames("libx264");
+  clip.tamper = [](int k, AVPacket&) { return k <= 13; };
+  for (const std::string file : {"a.mp4", "a.mov", "a.mkv"}) {
+    const FieldPlay played = play_field(write(file, clip));
+    ASSERT_GE(played.shown.size(), 14u) << file;
+    for (std::size_t k = 0; k < played.shown.size(); ++k) {
+      if (played.shown[k] < 0) continue;
+      EXPECT_NEAR(played.at_frames[k] - played.at_frames[0], played.shown[k], 0.03) << file;
+    }
+    EXPECT_THAT(played.warnings, testing::Not(Contains(HasSubstr("no time stamp")))) << file;
+  }
 }
 
 TEST_F(FieldFile, StampsThatGoBackAreCounted) {  // two files as one

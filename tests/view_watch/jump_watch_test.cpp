@@ -14,14 +14,15 @@ namespace {
 using Path = std::function<Eigen::Vector2d(double)>;  // pixels at a time
 
 // As two cameras see it, at 30 sets a second, in that order of sets.
-std::optional<Jumps> watched(const Path& path, const std::vector<int>& order) {
+std::optional<Jumps> watched(const Path& path, const std::vector<int>& order, bool is_tracked = true) {
   JumpWatch watch(2);
   std::optional<Jumps> found;
   for (std::size_t k = 0; k < order.size(); ++k) {
     std::vector<object_tracking::SeenRegion> regions;
     for (int camera = 0; camera < 2; ++camera) {
       const Eigen::Vector2d px = path(order[k] / 30.);
-      if (px.allFinite()) regions.push_back({.camera = camera, .px = (1 + 0.2 * camera) * px, .radius_px = 10});
+      if (px.allFinite())
+        regions.push_back({.camera = camera, .px = (1 + 0.2 * camera) * px, .radius_px = 10, .is_target = is_tracked});
     }
     watch.look(regions, double(k) / 30, 0.04);
     if (watch.jumps()) found = watch.jumps();
@@ -65,6 +66,33 @@ TEST(JumpWatch, ABallsOwnMotionIsNone) {
     };
     EXPECT_FALSE(watched(hidden, as_taken())) << period_s;
   }
+}
+
+// The tracker lists all regions of the colour while it searches the object.
+TEST(JumpWatch, SpecksOfTheColourHideNoJump) {
+  JumpWatch watch(2);
+  for (int k = 0; k < 90; ++k) {
+    const bool is_out_of_place = k % 15 == 7;
+    std::vector<object_tracking::SeenRegion> regions;
+    for (int camera = 0; camera < 2; ++camera) {
+      regions.push_back({.camera = camera,
+                         .px = waved((is_out_of_place ? k + 60 : k) / 30.),
+                         .radius_px = is_out_of_place ? 16. : 10.,
+                         .is_target = !is_out_of_place});
+      for (int speck = 0; is_out_of_place && speck < 3; ++speck)
+        regions.push_back({.camera = camera, .px = {20. * speck, 400}, .radius_px = 3});
+    }
+    watch.look(regions, k / 30., 0.04);
+  }
+  ASSERT_TRUE(watch.jumps());
+  EXPECT_GE(watch.jumps()->count, 4);
+}
+
+TEST(JumpWatch, WhatIsNotTrackedIsNotTheObject) {
+  std::vector<int> order = as_taken();
+  for (std::size_t k = 7; k < 100; k += 10) order[k] += 40;
+  EXPECT_TRUE(watched(waved, order));
+  EXPECT_FALSE(watched(waved, order, false));
 }
 
 TEST(JumpWatch, OneJumpMayBeAnotherObject) {

@@ -110,10 +110,11 @@ FramePtr converted(const AVFrame& source, ColorRange range, ScalerPtr& scaler) {
   target->height = source.height;
   if (av_frame_get_buffer(target.get(), 0) < 0) return nullptr;
 
+  // SWS_POINT: pixels share their colour as in our YUV formats; SWS_BILINEAR shifts the colour by half a row.
   scaler.reset(
       sws_getCachedContext(scaler.release(), source.width, source.height, format, source.width, source.height,
                            static_cast<AVPixelFormat>(target->format),
-                           SWS_BILINEAR | SWS_ACCURATE_RND | SWS_BITEXACT | SWS_FULL_CHR_H_INT | SWS_FULL_CHR_H_INP,
+                           SWS_POINT | SWS_ACCURATE_RND | SWS_BITEXACT | SWS_FULL_CHR_H_INT | SWS_FULL_CHR_H_INP,
                            nullptr, nullptr, nullptr));
   if (!scaler) return nullptr;
   // The matrix matters only from YUV to BGR; the range is kept.
