@@ -70,13 +70,20 @@ bool CanonicalCode::make(const HuffmanCode& code) {
   return true;
 }
 
+std::int32_t ComponentTables::long_symbol(std::uint64_t bits) const {
+  const HuffmanSymbol symbol = ac_code.symbol(static_cast<std::uint32_t>(bits >> 48));
+  if (symbol.bits == 0) return static_cast<std::int32_t>(beyond_window << 16);
+  const std::uint32_t entry = ac_symbol_entry(symbol);
+  return static_cast<std::int32_t>((entry & 255) | (entry >> 16 & 255) << 16);
+}
+
 bool ComponentTables::make(const HuffmanCode& dc, const HuffmanCode& ac) {
   if (is_made_ && dc == dc_ && ac == ac_) return true;
   is_made_ = false;
   if (!dc_code.make(dc) || !ac_code.make(ac)) return false;
   const SkipLevels levels(ac);
   std::transform(levels.level(skip_window), levels.level(skip_window + 1), skip.begin(),
-                 [](std::uint32_t entry) { return entry == 0 ? beyond_window << 16 : entry; });
+                 [](std::uint32_t entry) { return entry == 0 ? static_cast<std::uint32_t>(long_code) : entry; });
 
   symbol.fill(0);
   auto* next_symbol = symbol.data();

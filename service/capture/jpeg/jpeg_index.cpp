@@ -246,15 +246,19 @@ bool JpegIndex::Impl::is_end_sound(std::span<const std::uint8_t> jpeg, int paddi
 bool JpegIndex::Impl::sum_differences() {
   const std::size_t interval =
       header.restart_interval == 0 ? positions.size() : static_cast<std::size_t>(header.restart_interval);
-  std::int16_t* value = dc.data();
-  for (std::size_t mcu = 0; mcu < positions.size();) {
-    std::array<std::int32_t, 3> last{};
-    const std::size_t end = std::min(positions.size(), mcu + interval);
-    for (; mcu < end; ++mcu)
-      for (const std::size_t c : blocks) {
-        if (__builtin_add_overflow(last[c], *value, &last[c])) return false;
-        *value++ = static_cast<std::int16_t>(last[c]);
-      }
+  std::size_t first = 0;
+  for (std::size_t c = 0; c < components(); ++c) {
+    const auto of_mcu = static_cast<std::size_t>(header.component[c].h * header.component[c].v);
+    std::int16_t* mcu = dc.data() + first;
+    for (std::size_t begin = 0; begin < positions.size(); begin += interval) {
+      std::int32_t last = 0;
+      for (std::size_t n = std::min(interval, positions.size() - begin); n > 0; --n, mcu += blocks.size())
+        for (std::size_t i = 0; i < of_mcu; ++i) {
+          if (__builtin_add_overflow(last, mcu[i], &last)) return false;
+          mcu[i] = static_cast<std::int16_t>(last);
+        }
+    }
+    first += of_mcu;
   }
   return true;
 }

@@ -33,9 +33,12 @@ constexpr std::array<std::uint8_t, 64> row_order{0,  1,  8,  16, 9,  2,  3,  10,
   unsigned done = 1;
   while (done < 64) {
     reader.refill();
-    const HuffmanSymbol symbol = tables.ac_code.symbol(reader.next(16));
-    if (symbol.bits == 0) return false;
-    const std::uint32_t entry = ac_symbol_entry(symbol);
+    std::uint32_t entry = tables.symbol[reader.next(ComponentTables::symbol_window)];
+    if (entry == 0) {
+      const HuffmanSymbol symbol = tables.ac_code.symbol(reader.next(16));
+      if (symbol.bits == 0) return false;
+      entry = ac_symbol_entry(symbol);
+    }
     reader.take(entry & 255);
     done += entry >> 16 & 255;
   }
@@ -50,6 +53,13 @@ constexpr std::array<std::uint8_t, 64> row_order{0,  1,  8,  16, 9,  2,  3,  10,
   return word << bit % 8;
 }
 
+// `done` (see skip_block()) after the symbol with a long code.
+[[gnu::noinline]] std::int32_t take_long_code(const std::uint8_t* bytes, const ComponentTables& tables,
+                                              std::size_t begin, std::int32_t done) {
+  const std::uint64_t bits = bits_at(bytes, begin + static_cast<std::uint16_t>(done));
+  return done - ComponentTables::long_code + tables.long_symbol(bits);
+}
+
 // One block of each lane. The lanes whose block is complete wait for the others, without a branch that would depend on
 // one lane's bits: what could not be predicted would cost all lanes their work under way.
 template <std::size_t lanes>
@@ -57,6 +67,7 @@ template <std::size_t lanes>
                                               std::array<std::size_t, lanes>& bit,
                                               const std::array<std::int16_t*, lanes>& difference,
                                               const std::array<std::uint32_t*, lanes>& position) {
+  constexpr std::int32_t least_with_long_code = ComponentTables::long_code - 64 * 65536;
   constexpr int start_shift = 64 - ComponentTables::start_window, skip_shift = 64 - ComponentTables::skip_window;
   const std::array<std::size_t, lanes> begin = bit;
   // Of each lane, in one number: the block's bits (low half), and its coefficients - 64: negative while there are more.
@@ -67,22 +78,28 @@ template <std::size_t lanes>
     *difference[i] = static_cast<std::int16_t>(coded_value(bits << (start >> 16 & 63), start >> 24));
     done[i] = (static_cast<std::int32_t>(start >> 8 & 255) - 64) * 65536 + static_cast<std::int32_t>(start & 255);
   }
-  const auto is_any_open = [&]() __attribute__((always_inline)) {
+  const auto of_any = [&]() __attribute__((always_inline)) {
     std::int32_t all = 0;
     for (const std::int32_t d : done) all |= d;
-    return all < 0;
+    return all;
   };
-  while (is_any_open()) {
-    for (std::size_t i = 0; i < lanes; ++i) {
-      const std::uint64_t bits = bits_at(bytes, begin[i] + static_cast<std::uint16_t>(done[i]));
-      const auto add = [&](std::uint32_t entry) __attribute__((always_inline)) {
-        entry &= static_cast<std::uint32_t>(done[i] >> 31);  // nothing if the block is complete
-        done[i] += static_cast<std::int32_t>(entry);
-        return entry;
-      };
-      const std::uint32_t first = add(tables.skip[bits >> skip_shift]);
-      add(tables.skip[bits << (first & 63) >> skip_shift]);
+  for (;;) {
+    while (of_any() < 0) {
+      for (std::size_t i = 0; i < lanes; ++i) {
+        const std::uint64_t bits = bits_at(bytes, begin[i] + static_cast<std::uint16_t>(done[i]));
+        const auto add = [&](std::uint32_t entry) __attribute__((always_inline)) {
+          entry &= static_cast<std::uint32_t>(done[i] >> 31);  // nothing if the block is complete
+          done[i] += static_cast<std::int32_t>(entry);
+          return entry;
+        };
+        const std::uint32_t first = add(tables.skip[bits >> skip_shift]);
+        add(tables.skip[bits << (first & 63) >> skip_shift]);
+      }
     }
+    if (of_any() < least_with_long_code) [[likely]]
+      break;
+    for (std::size_t i = 0; i < lanes; ++i)
+      if (done[i] >= least_with_long_code) done[i] = take_long_code(bytes, tables, begin[i], done[i]);
   }
   for (std::size_t i = 0; i < lanes; ++i) {
     bit[i] = begin[i] + static_cast<std::uint16_t>(done[i]);
