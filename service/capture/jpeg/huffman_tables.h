@@ -66,12 +66,13 @@ struct ComponentTables {
   // or is_block_complete(). long_code: the first code is longer than the window, or there is none.
   std::array<std::uint32_t, std::size_t{1} << skip_window> skip;
   static constexpr std::int32_t long_code = (16384 + 64) << 16;
-  // Where the next bits (the highest ones) are those of a long code: its entry. 0xFF coefficients: there is none.
-  std::int32_t long_symbol(std::uint64_t bits) const;
   // By the first bits of a block: the DC coefficient, and AC coefficients as above. From the low byte: bits;
   // coefficients (0xFF: the code is longer than the window, or there is none); bits of the DC coefficient's code; bits
   // of its value.
   std::array<std::uint32_t, std::size_t{1} << start_window> start;
+  // Of each entry of these two: the sum of its AC coefficients' absolute values, at most.
+  std::array<std::uint16_t, std::size_t{1} << skip_window> skip_amplitude;
+  std::array<std::uint16_t, std::size_t{1} << start_window> start_amplitude;
   // By the next bits of AC coefficients: ac_symbol_entry(). 0: the code is longer than the window, or there is none.
   std::array<std::uint32_t, std::size_t{1} << symbol_window> symbol;
   CanonicalCode dc_code, ac_code;
