@@ -232,11 +232,20 @@ struct NetworkSource::Impl {
     if (!bytes) return std::nullopt;
     const Timestamp at = unix_now();
     wait_from_now();
-    if (av_new_packet(packet.get(), static_cast<int>(bytes->size())) < 0) return std::nullopt;
-    std::ranges::copy(*bytes, packet->data);
-    auto arrived = decode(at);
+    auto kept = std::make_shared<const std::vector<std::uint8_t>>(std::move(*bytes));
+    if (auto decoded = decode_jpeg(kept, at)) return decoded;
+    if (av_new_packet(packet.get(), static_cast<int>(kept->size())) < 0) return std::nullopt;
+    std::ranges::copy(*kept, packet->data);
+    auto arrived = decode_by_ffmpeg(at);
     av_packet_unref(packet.get());
     return arrived;
+  }
+
+  // nullopt: of a kind that only FFmpeg decodes.
+  std::optional<Arrived> decode_jpeg(std::shared_ptr<const std::vector<std::uint8_t>> kept, Timestamp at) {
+    JpegResult decoded = jpeg.read(kept);
+    if (decoded.is_unsupported) return std::nullopt;
+    return Arrived{std::move(decoded.image), at, std::move(kept)};
   }
 
   // nullopt: none yet, or the stream is lost (then it is closed).
@@ -267,12 +276,12 @@ struct NetworkSource::Impl {
   }
 
   std::optional<Arrived> decode(Timestamp at) {
-    if (decoder.codec().codec_id == AV_CODEC_ID_MJPEG) {
-      const std::span<const std::uint8_t> bytes(packet->data, std::size_t(packet->size));
-      auto kept = jpeg.keep(bytes);
-      JpegResult decoded = jpeg.read(kept);
-      if (!decoded.is_unsupported) return Arrived{std::move(decoded.image), at, std::move(kept)};
-    }
+    if (decoder.codec().codec_id == AV_CODEC_ID_MJPEG)
+      if (auto arrived = decode_jpeg(jpeg.keep({packet->data, std::size_t(packet->size)}), at)) return arrived;
+    return decode_by_ffmpeg(at);
+  }
+
+  std::optional<Arrived> decode_by_ffmpeg(Timestamp at) {
     // A decoder may return this packet's picture only after a later packet.
     const bool begins = decoder.examine(*packet);
     if (packet->pts != AV_NOPTS_VALUE && begins) arrivals[packet->pts] = at;

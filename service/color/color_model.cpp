@@ -217,6 +217,7 @@ bool contains(const HsiRange& r, const Hsi& hsi) {
 
 ColorTable::ColorTable(capture::PixelFormat format, capture::ColorRange range)
     : is_bgr_(format == capture::PixelFormat::bgr), range_(range) {
+  for (auto& row : luma_of_cells_) row.fill({255, 0});
   if (is_bgr_)
     bgr_bits_.assign((std::size_t{1} << 24) / 64, 0);
   else
@@ -244,6 +245,8 @@ void ColorTable::fill(const HsiRange& target, unsigned first, unsigned last) {
     if (!matches.can_match(chroma_of(u, v))) continue;
     const Interval interval = y_of_uv_[uv] = matches.luma_at(u, v, range_);
     if (interval.y_min <= interval.y_max) cells_[v / 4] |= std::uint64_t{1} << u / 4;
+    Interval& cell = luma_of_cells_[v / 4][u / 4];
+    cell = {std::min(cell.y_min, interval.y_min), std::max(cell.y_max, interval.y_max)};
     for (std::uint8_t* ceiling : {&luma_ceiling_.of_u[u / 4], &luma_ceiling_.of_v[v / 4],
                                   &luma_ceiling_.near_grey_of_u[LumaCeiling::near_grey_step(u)],
                                   &luma_ceiling_.near_grey_of_v[LumaCeiling::near_grey_step(v)]})
@@ -262,11 +265,20 @@ void ColorTableBuilder::go_on() {
   table_->fill(target_, first, next_);
 }
 
-bool ColorTable::may_contain(const capture::ChromaBounds& bounds) const {
-  const std::uint64_t columns = ~std::uint64_t{0} >> (63 - bounds.u_max / 4) & ~std::uint64_t{0} << bounds.u_min / 4;
+bool ColorTable::may_contain(const capture::ChromaBounds& chroma) const {
+  const std::uint64_t columns = ~std::uint64_t{0} >> (63 - chroma.u.max / 4) & ~std::uint64_t{0} << chroma.u.min / 4;
   std::uint64_t any = 0;
-  for (int row = bounds.v_min / 4; row <= bounds.v_max / 4; ++row) any |= cells_[static_cast<std::size_t>(row)];
+  for (int row = chroma.v.min / 4; row <= chroma.v.max / 4; ++row) any |= cells_[static_cast<std::size_t>(row)];
   return (any & columns) != 0;
+}
+
+bool ColorTable::may_contain(const capture::ChromaBounds& chroma, capture::SampleBounds luma) const {
+  for (std::size_t row = chroma.v.min / 4; row <= chroma.v.max / 4; ++row)
+    for (std::size_t column = chroma.u.min / 4; column <= chroma.u.max / 4; ++column) {
+      const Interval& cell = luma_of_cells_[row][column];
+      if (cell.y_min <= luma.max && cell.y_max >= luma.min) return true;
+    }
+  return false;
 }
 
 bool ColorTable::is_for(capture::PixelFormat format, capture::ColorRange range) const {

@@ -82,8 +82,9 @@ class ColorTable {
     return (bgr_bits_[index >> 6] >> (index & 63) & 1) != 0;
   }
 
-  // False: no pixel whose chroma lies within the bounds matches. For the YUV family and grey.
-  bool may_contain(const capture::ChromaBounds& bounds) const;
+  // False: no pixel whose chroma (and luma) lies within the bounds matches. For the YUV family and grey.
+  bool may_contain(const capture::ChromaBounds& chroma) const;
+  bool may_contain(const capture::ChromaBounds& chroma, capture::SampleBounds luma) const;
 
   bool is_for(capture::PixelFormat format, capture::ColorRange range) const;  // which images it can read
   const Interval* intervals() const { return y_of_uv_.data(); }               // [u | v << 8]; YUV family and grey
@@ -100,6 +101,7 @@ class ColorTable {
   std::vector<Interval> y_of_uv_;
   LumaCeiling luma_ceiling_;
   std::array<std::uint64_t, 64> cells_{};  // bit u / 4 of cells_[v / 4]: one of these 16 (u, v) has an interval
+  std::array<std::array<Interval, 64>, 64> luma_of_cells_;  // [v / 4][u / 4]: from the lowest to the highest of these
   std::vector<std::uint64_t> bgr_bits_;
 };
 

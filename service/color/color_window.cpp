@@ -388,11 +388,8 @@ void MatchBits::fetch_row(int v) const {
 void MatchBits::scan_grid(int step, std::vector<PixelAt>& hits) const {
   constexpr int rows_ahead = 2;  // layout: of prefetching
   hits.clear();
-  UnitFilter filter;
-  if (found_ == nullptr && on_demand_ != nullptr) {
-    filter.look_at(on_demand_, *table_);
-    filter.require_grid(step);
-  }
+  const UnitFilter filter(found_ == nullptr ? on_demand_ : nullptr, table_, step);
+  filter.require();
   const capture::Image& image = image_;
   const auto scan = [&](auto matches_at) {
     for (int v = step / 2; v < height_; v += step) {

@@ -46,8 +46,7 @@ void match_tiles(const capture::Image& image, const ColorTable& table, std::vect
   const std::size_t across = capture::tiles_across(image.width);
   const int whole_across = image.width / size, whole_down = image.height / size;
   tiles.assign(capture::tiles_of(image.width, image.height), 0);
-  UnitFilter filter;
-  filter.look_at(image.on_demand.get(), table);
+  const UnitFilter filter(image.on_demand.get(), &table, 1);
   constexpr std::size_t group = 64;
   std::array<TileAt, group> some;
   std::array<std::uint64_t, group> bits;

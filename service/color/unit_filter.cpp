@@ -2,29 +2,46 @@
 
 namespace huetrack::color {
 
-void UnitFilter::look_at(const capture::PixelsOnDemand* pixels, const ColorTable& table) {
-  pixels_ = pixels;
-  may_.clear();
-  if (pixels == nullptr) return;
-  column_shift_ = pixels->column_shift(), row_shift_ = pixels->row_shift(), columns_ = pixels->columns();
-  const auto bounds = pixels->chroma_bounds();
-  may_.reserve(bounds.size());
-  for (const capture::ChromaBounds& unit : bounds) may_.push_back(table.may_contain(unit) ? 1 : 0);
+namespace {
+
+// Whether one of `step/2 + i step` lies in a unit of 2^shift pixels.
+bool has_point(int unit, int shift, int step) {
+  const int first = unit << shift, last = first + (1 << shift) - 1;
+  const int point = first <= step / 2 ? step / 2 : first + (step - (first - step / 2) % step) % step;
+  return point <= last;
 }
 
-void UnitFilter::require_grid(int step) const {
+}  // namespace
+
+// By chroma, whose bounds cost least; then, of what is left, by luma: where it is dark even greys have a colour.
+UnitFilter::UnitFilter(const capture::PixelsOnDemand* pixels, const ColorTable* table, int step) : pixels_(pixels) {
+  if (pixels == nullptr) return;
+  column_shift_ = pixels->column_shift(), row_shift_ = pixels->row_shift(), columns_ = pixels->columns();
+  const auto chroma = pixels->chroma_bounds();
+  std::vector<std::uint32_t> open;
+  for (int row = 0; row < pixels->rows(); ++row) {
+    if (!has_point(row, row_shift_, step)) continue;
+    for (int column = 0; column < columns_; ++column) {
+      const auto unit = static_cast<std::uint32_t>(row * columns_ + column);
+      if (has_point(column, column_shift_, step) && (chroma.empty() || table->may_contain(chroma[unit])))
+        open.push_back(unit);
+    }
+  }
+  may_.resize(pixels->units());
+  std::vector<capture::SampleBounds> luma(open.size());
+  if (!chroma.empty()) pixels->find_luma_bounds(open, luma.data());
+  for (std::size_t i = 0; i < open.size(); ++i)
+    may_[open[i]] = chroma.empty() || table->may_contain(chroma[open[i]], luma[i]) ? 1 : 0;
+}
+
+void UnitFilter::require() const {
   if (pixels_ == nullptr) return;
-  const auto has_point = [step](int unit, int shift) {
-    const int first = unit << shift, last = first + (1 << shift) - 1;
-    const int point = first <= step / 2 ? step / 2 : first + (step - (first - step / 2) % step) % step;
-    return point <= last;
-  };
   for (int row = 0; row < pixels_->rows(); ++row) {
-    if (!has_point(row, row_shift_)) continue;
-    const int v = row << row_shift_;
+    const std::uint8_t* const may = &may_[static_cast<std::size_t>(row * columns_)];
     for (int first = 0, end = 0; first < columns_; first = end + 1) {  // runs of wanted units
-      for (end = first; end < columns_ && has_point(end, column_shift_) && may_match(end << column_shift_, v);) ++end;
-      if (end > first) pixels_->require(first << column_shift_, v, end << column_shift_, v + (1 << row_shift_));
+      for (end = first; end < columns_ && may[end] != 0;) ++end;
+      if (end > first)
+        pixels_->require(first << column_shift_, row << row_shift_, end << column_shift_, (row + 1) << row_shift_);
     }
   }
 }

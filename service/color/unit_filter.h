@@ -12,21 +12,22 @@
 
 namespace huetrack::color {
 
-// thread-compatible. Keeps its work space between frames.
+// thread-compatible.
 class UnitFilter {
  public:
-  // pixels: of an image that `table` is for; nullptr: all pixels are there.
-  void look_at(const capture::PixelsOnDemand* pixels, const ColorTable& table);
+  // Of the pixels (step/2 + i step, step/2 + j step); a step of 1 or 2 is all of them. pixels: of an image that `table`
+  // is for; nullptr: all pixels are there, and table may be nullptr.
+  UnitFilter(const capture::PixelsOnDemand* pixels, const ColorTable* table, int step);
 
-  // False: the pixel (inside the image) does not match, and may not be decoded. True: it may match.
+  // Of a pixel of the grid, inside the image. False: it does not match, and may not be decoded. True: it may match.
   bool may_match(int u, int v) const {
     return may_.empty() || may_[static_cast<std::size_t>((v >> row_shift_) * columns_ + (u >> column_shift_))] != 0;
   }
-  // Decodes the units that may match and hold a pixel of the grid (step/2 + i step, step/2 + j step).
-  void require_grid(int step) const;
+  // Decodes the units that may match.
+  void require() const;
 
  private:
-  const capture::PixelsOnDemand* pixels_ = nullptr;
+  const capture::PixelsOnDemand* const pixels_;
   int column_shift_ = 0, row_shift_ = 0, columns_ = 0;
   std::vector<std::uint8_t> may_;  // per unit; empty: everywhere
 };

@@ -39,16 +39,14 @@ std::optional<std::span<const std::uint8_t>> MatchFinder::find(const capture::Fr
   if (light_.is_wanted(frame.stamped_at)) light_.look(image, frame.stamped_at);
   std::erase_if(known_, [&](const Known& known) { return std::ranges::count(options.colors, known.color) == 0; });
   found_.resize(options.colors.size());
-  const capture::Image all = searched(frame, image);
   std::size_t found = 0;
   int may_make = most_new_tables;
   for (const capture::MatchedColor& color : options.colors) {
     const color::ColorTable* table = table_for(color, image, may_make);
     if (table == nullptr) continue;  // made with one of the next frames
     found_[found].color = color;
-    color::match_tiles(all, *table, found_[found++].tiles);
+    color::match_tiles(image, *table, found_[found++].tiles);
   }
-  note_decoded(all);
   std::span<const capture::Matches::OfColor> colors(found_.data(), found);
   const std::size_t most = most_bytes_of_matches(image.width, image.height);
   cut_to(image, options.patches);
@@ -60,19 +58,6 @@ std::optional<std::span<const std::uint8_t>> MatchFinder::find(const capture::Fr
     capture::encode_matches(image, colors, {}, bytes_);
   }
   return bytes_;
-}
-
-capture::Image MatchFinder::searched(const capture::Frame& frame, const capture::Image& image) {
-  if (frames_whole_ == 0 || !image.on_demand || !frame.encoded) return image;
-  --frames_whole_;
-  auto whole = reader_.decoder().decode(*frame.encoded, image.width, image.height);
-  return whole.image ? std::move(*whole.image) : image;
-}
-
-void MatchFinder::note_decoded(const capture::Image& image) {
-  constexpr int frames_until_tried_again = 30;
-  if (image.on_demand && 2 * image.on_demand->decoded_units() > image.on_demand->units())
-    frames_whole_ = frames_until_tried_again;
 }
 
 // Clips the places to the image, up to the frame's budget of pixels.

@@ -53,12 +53,7 @@ class MatchFinder {
   std::span<const std::uint8_t> picture(const capture::Frame& frame, const capture::Image& image,
                                         capture::Duration every);
 
-  // The image that is searched for colours: this one, or decoded whole where that is cheaper.
-  capture::Image searched(const capture::Frame& frame, const capture::Image& image);
-  void note_decoded(const capture::Image& image);
-
   capture::JpegReader reader_;
-  int frames_whole_ = 0;  // so many of the next frames are decoded whole: a colour that is everywhere needs most pixels
   capture::LightWatch light_;
   capture::RepeatWatch repeats_;
   std::vector<Known> known_;

@@ -201,13 +201,13 @@ std::optional<Shown> BagPictures::next() {
     problem_ = "its message is damaged";
     std::optional<capture::Image> image;
     if (picture && picture->is_compressed) {
-      image = decoder_.decode(picture->data);
+      const auto bytes = std::make_shared<const std::vector<std::uint8_t>>(picture->data.begin(), picture->data.end());
+      image = decoder_.decode(bytes);
+      if (image && keeps_encoded_ && is_jpeg(*bytes)) shown.jpeg = bytes;
       problem_ = decoder_.take_problem() + " (format \"" + files::printable(picture->encoding) + "\")";
     } else if (picture) {
       image = raw(*message, *picture);
     }
-    if (image && keeps_encoded_ && picture->is_compressed && is_jpeg(picture->data))
-      shown.jpeg = std::make_shared<const std::vector<std::uint8_t>>(picture->data.begin(), picture->data.end());
     if (image)
       shown.image = std::move(*image);
     else if (++lost_ <= most_lost_warnings)

@@ -59,14 +59,15 @@ JpegStream::JpegStream(const RecordedCamera& camera, std::vector<std::string>& w
 std::optional<Shown> JpegStream::next() {
   const auto last = selection_.last();
   while (!last || index_ <= *last) {
-    auto jpeg = next_jpeg(in_, splitter_);
-    if (!jpeg) return std::nullopt;
+    auto next = next_jpeg(in_, splitter_);
+    if (!next) return std::nullopt;
     const std::int64_t number = index_++;
     if (!selection_.contains(number)) continue;
     Shown shown{.index = number, .stamp = {}, .image = {}};
-    if (auto image = decoder_.decode(*jpeg)) {
+    const auto jpeg = std::make_shared<const std::vector<std::uint8_t>>(std::move(*next));
+    if (auto image = decoder_.decode(jpeg)) {
       shown.image = std::move(*image);
-      if (keeps_encoded_) shown.jpeg = std::make_shared<const std::vector<std::uint8_t>>(std::move(*jpeg));
+      if (keeps_encoded_) shown.jpeg = jpeg;
     } else if (!std::exchange(has_warned_, true)) {
       warnings_.push_back(camera_.frames.string() + ": frame " + std::to_string(number) +
                           " and perhaps others do not decode: " + decoder_.take_problem());

@@ -31,19 +31,19 @@ std::string PictureDecoder::take_problem() {
   return std::exchange(problem_, {}) + log_.take();
 }
 
-std::optional<capture::Image> PictureDecoder::decode(std::span<const std::uint8_t> bytes) {
+std::optional<capture::Image> PictureDecoder::decode(std::shared_ptr<const std::vector<std::uint8_t>> bytes) {
   take_problem();
-  const AVCodecID id = codec_of(bytes);
+  const AVCodecID id = codec_of(*bytes);
   if (id == AV_CODEC_ID_NONE) {
     problem_ = "it is neither JPEG, PNG, WebP nor TIFF";
     return std::nullopt;
   }
   if (id == AV_CODEC_ID_MJPEG) {
-    auto result = jpeg_.decode(bytes);
+    auto result = jpeg_.read(bytes);
     problem_ = result.problem;
     if (!result.is_unsupported) return std::move(result.image);
   }
-  return decode_by_ffmpeg(bytes, id);
+  return decode_by_ffmpeg(*bytes, id);
 }
 
 std::optional<capture::Image> PictureDecoder::decode_by_ffmpeg(std::span<const std::uint8_t> bytes, AVCodecID id) {

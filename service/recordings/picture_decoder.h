@@ -3,15 +3,17 @@
 
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "capture/ffmpeg/ffmpeg_log.h"
 #include "capture/ffmpeg/ffmpeg_objects.h"
 #include "capture/ffmpeg/ffmpeg_picture.h"
 #include "capture/ffmpeg/stream_decoder.h"
-#include "capture/frames/jpeg_decoder.h"
+#include "capture/jpeg/jpeg_reader.h"
 
 namespace huetrack::recordings {
 
@@ -22,8 +24,8 @@ bool is_jpeg(std::span<const std::uint8_t> bytes);
 class PictureDecoder {
  public:
   PictureDecoder();
-  // JPEG with the live cameras' decoder, for the same pixels. nullopt: damaged, or of no known kind: see take_problem()
-  std::optional<capture::Image> decode(std::span<const std::uint8_t> bytes);
+  // JPEG with the live cameras' reader, for the same pixels. nullopt: damaged, or of no known kind: see take_problem()
+  std::optional<capture::Image> decode(std::shared_ptr<const std::vector<std::uint8_t>> bytes);
   // FFmpeg's picture as an Image. nullopt: it cannot be converted
   std::optional<capture::Image> image_of(capture::FramePtr frame) {
     return pictures_.image_of(std::move(frame), AV_CODEC_ID_RAWVIDEO);
@@ -34,7 +36,7 @@ class PictureDecoder {
   std::optional<capture::Image> decode_by_ffmpeg(std::span<const std::uint8_t> bytes, AVCodecID id);
 
   capture::FfmpegLog log_;
-  capture::JpegDecoder jpeg_;
+  capture::JpegReader jpeg_;
   std::map<AVCodecID, capture::StreamDecoder> codecs_;
   capture::PictureMaker pictures_;
   std::string problem_;

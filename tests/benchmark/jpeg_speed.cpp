@@ -1,7 +1,7 @@
 // What an index of a JPEG costs (capture/jpeg) beside libjpeg-turbo: reading all coefficients (jpeg_read_coefficients),
 // and decoding to planes (JpegDecoder). CPU time of this thread for one frame: the least of all rounds, each over
 // several different frames, because branch predictors learn a small frame by heart.
-//   jpeg_speed [rounds]
+//   jpeg_speed [rounds [film...]]
 #include <malloc.h>
 #include <time.h>
 
@@ -131,6 +131,9 @@ int main(int argc, char** argv) {
     else
       is_fine = print_figures(film, frames_of(rendered / film, 16), rounds) && is_fine;
   }
+  for (int i = 2; i < argc; ++i)
+    is_fine =
+        print_figures(std::filesystem::path(argv[i]).filename().c_str(), frames_of(argv[i], 16), rounds) && is_fine;
   for (const auto& [width, height] : {std::pair{640, 480}, std::pair{1280, 720}, std::pair{1920, 1080}})
     is_fine = print_figures("generated, quality 90", generated(width, height), rounds) && is_fine;
   return is_fine ? 0 : 1;

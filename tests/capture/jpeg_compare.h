@@ -4,6 +4,7 @@
 #include <array>
 #include <cstring>
 #include <memory>
+#include <numeric>
 #include <string>
 #include <vector>
 
@@ -43,6 +44,23 @@ inline IndexedImage decode_all(const JpegIndex& index, int run = 7) {
   return decoded;
 }
 
+// Whether all pixels lie within the bounds of their MCUs.
+inline bool is_within_bounds(const JpegIndex& index, const Image& image) {
+  const std::vector<ChromaBounds> chroma = index.chroma_bounds();
+  std::vector<std::uint32_t> all(chroma.size());
+  std::iota(all.begin(), all.end(), 0U);
+  std::vector<SampleBounds> luma(all.size());
+  index.find_luma_bounds(all, luma.data());
+  const auto is_in = [](std::uint8_t value, SampleBounds bounds) { return value >= bounds.min && value <= bounds.max; };
+  for (int v = 0; v < image.height; ++v)
+    for (int u = 0; u < image.width; ++u) {
+      const auto mcu = static_cast<std::size_t>(v / index.mcu_height() * index.mcu_columns() + u / index.mcu_width());
+      const Yuv p = yuv_at(image, u, v);
+      if (!is_in(p.y, luma[mcu]) || !is_in(p.u, chroma[mcu].u) || !is_in(p.v, chroma[mcu].v)) return false;
+    }
+  return true;
+}
+
 enum class Indexed { refused_by_both, left_to_decoder, same, otherwise };
 
 // "otherwise": the index accepts what the decoder refuses, or sees something else in it; `difference` says what.
@@ -71,6 +89,10 @@ inline Indexed compare_with_decoder(JpegDecoder& decoder, const std::vector<std:
       difference = "other pixels in plane " + std::to_string(plane) + ", row " + std::to_string(v);
       return Indexed::otherwise;
     }
+  if (!is_within_bounds(*index, a)) {
+    difference = "pixels outside of their bounds";
+    return Indexed::otherwise;
+  }
   return Indexed::same;
 }
 

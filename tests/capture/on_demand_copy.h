@@ -18,7 +18,7 @@ class CopyOnDemand final : public PixelsOnDemand {
  public:
   static constexpr int side = 16, shift = 4;  // pixels of a unit
 
-  // knows_bounds: of the chroma, and those are as narrow as can be.
+  // knows_bounds: of the samples, and those are as narrow as can be.
   explicit CopyOnDemand(Image whole, bool knows_bounds = false)
       : PixelsOnDemand(whole.width, whole.height, shift, shift),
         whole_(std::move(whole)),
@@ -30,6 +30,11 @@ class CopyOnDemand final : public PixelsOnDemand {
   }
 
   Image eighth() const override { return {}; }
+  void find_luma_bounds(std::span<const std::uint32_t> wanted, SampleBounds* out) const override {
+    std::vector<SampleBounds> all(units(), none);
+    for_each_pixel([&](std::size_t unit, Yuv p) { add(all[unit], p.y); });
+    for (const std::uint32_t unit : wanted) *out++ = all[unit];
+  }
   const Image& target() const { return target_.image; }
   int calls() const { return calls_; }
 
@@ -50,15 +55,23 @@ class CopyOnDemand final : public PixelsOnDemand {
 
   std::vector<ChromaBounds> find_chroma_bounds() const override {
     if (!knows_bounds_ || whole_.format == PixelFormat::bgr) return {};
-    std::vector<ChromaBounds> bounds(units(), {.u_min = 255, .u_max = 0, .v_min = 255, .v_max = 0});
-    for (int v = 0; v < whole_.height; ++v) {
-      for (int u = 0; u < whole_.width; ++u) {
-        const Yuv p = yuv_at(whole_, u, v);
-        ChromaBounds& b = bounds[static_cast<std::size_t>((v >> shift) * columns() + (u >> shift))];
-        b = {std::min(b.u_min, p.u), std::max(b.u_max, p.u), std::min(b.v_min, p.v), std::max(b.v_max, p.v)};
-      }
-    }
+    std::vector<ChromaBounds> bounds(units(), {.u = none, .v = none});
+    for_each_pixel([&](std::size_t unit, Yuv p) {
+      add(bounds[unit].u, p.u);
+      add(bounds[unit].v, p.v);
+    });
     return bounds;
+  }
+
+  static constexpr SampleBounds none{.min = 255, .max = 0};
+  static void add(SampleBounds& to, std::uint8_t value) {
+    to = {.min = std::min(to.min, value), .max = std::max(to.max, value)};
+  }
+  template <typename Of>
+  void for_each_pixel(const Of& of) const {
+    for (int v = 0; v < whole_.height; ++v)
+      for (int u = 0; u < whole_.width; ++u)
+        of(static_cast<std::size_t>((v >> shift) * columns() + (u >> shift)), yuv_at(whole_, u, v));
   }
 
   const Image whole_;

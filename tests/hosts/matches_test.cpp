@@ -2,9 +2,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <bit>
+#include <cmath>
 #include <limits>
 #include <numbers>
+#include <random>
 
 #include "capture/frames/jpeg_encoder.h"
 #include "capture/frames/matches.h"
@@ -475,6 +478,49 @@ TEST(MatchFinder, AddsFourNewColoursPerFrame) {
     ASSERT_TRUE(back);
     ASSERT_EQ(back->matches->colors.size(), expected);
     for (std::size_t i = 0; i < expected; ++i) EXPECT_EQ(back->matches->colors[i].color, asked.colors[i]);
+  }
+}
+
+// A ball before a grey room, as a JPEG: all of its pixels are found, wherever it lies among the blocks. The picture at
+// 1/8 alone would show it from a radius of 8 * sqrt(2) px on, where the ball surely covers a block (of chroma: twice
+// that); bounds of the blocks' samples show it at any size.
+TEST(MatchFinder, FindsBallsOfAllSizesInJpegs) {
+  constexpr int width = 320, height = 240;
+  const color::HsiRange lime{60, 140, 0.3, 1, 0.1, 0.95};
+  const color::ColorTable table(lime, capture::PixelFormat::i420, capture::ColorRange::full);
+  capture::JpegReader reader;
+  for (const int radius : {3, 4, 6, 9, 13, 24}) {
+    int shown_at_eighth = 0, trials = 0;
+    for (int shift = 0; shift < 16; shift += 3, ++trials) {
+      capture::WritableImage made =
+          capture::make_image(capture::PixelFormat::i420, capture::ColorRange::full, width, height);
+      std::minstd_rand random(static_cast<unsigned>(shift + 1));
+      for (int v = 0; v < height; ++v)
+        for (int u = 0; u < width; ++u) {
+          const bool is_ball = std::hypot(u - 150 - shift, v - 100 - shift) <= radius;
+          made.data[0][v * made.image.planes[0].stride + u] = static_cast<std::uint8_t>(120 + random() % 7);
+          for (const std::size_t chroma : {1U, 2U})
+            if (u % 2 == 0 && v % 2 == 0)
+              made.data[chroma][v / 2 * made.image.planes[chroma].stride + u / 2] =
+                  is_ball ? (chroma == 1 ? 70 : 90) : 128;
+        }
+      const auto jpeg = capture::encode_picture(made.image, {.width = width, .height = height}, 90);
+      const capture::JpegResult read = reader.read(reader.keep(jpeg));
+      ASSERT_TRUE(read.image && read.image->on_demand);
+      std::vector<std::uint64_t> found, all;
+      color::match_tiles(*read.image, table, found);
+      EXPECT_LT(read.image->on_demand->decoded_units(), 40U) << radius;
+      color::match_tiles(*capture::JpegDecoder().decode(jpeg).image, table, all);
+      EXPECT_EQ(found, all) << radius;
+      EXPECT_TRUE(std::ranges::any_of(all, [](std::uint64_t tile) { return tile != 0; })) << radius;
+      const capture::Image eighth = read.image->on_demand->eighth();
+      bool is_shown = false;
+      for (int v = 0; v < eighth.height; ++v)
+        for (int u = 0; u < eighth.width; ++u) is_shown |= table.contains(capture::yuv_at(eighth, u, v));
+      shown_at_eighth += is_shown ? 1 : 0;
+    }
+    EXPECT_TRUE(radius > 3 || shown_at_eighth < trials);
+    EXPECT_TRUE(radius < 24 || shown_at_eighth == trials);
   }
 }
 

@@ -1,6 +1,7 @@
 #include "capture/frames/jpeg_splitter.h"
 
 #include <algorithm>
+#include <cstring>
 #include <utility>
 
 namespace huetrack::capture {
@@ -79,7 +80,9 @@ bool JpegSplitter::step_over_segment() {
 
 bool JpegSplitter::find_marker() {
   for (; at_ + 1 < bytes_.size(); ++at_) {
-    if (bytes_[at_] != mark) continue;
+    const void* const found = std::memchr(&bytes_[at_], mark, bytes_.size() - at_ - 1);
+    at_ = found ? static_cast<std::size_t>(static_cast<const std::uint8_t*>(found) - bytes_.data()) : bytes_.size() - 1;
+    if (found == nullptr) return false;
     const std::uint8_t marker = bytes_[at_ + 1];
     if (marker == 0 || marker == fill || is_alone(marker)) continue;
     if (marker == start_of_image)

@@ -14,8 +14,11 @@ namespace huetrack::capture {
 struct Image;
 
 // Inclusive.
+struct SampleBounds {
+  std::uint8_t min = 0, max = 255;
+};
 struct ChromaBounds {
-  std::uint8_t u_min = 0, u_max = 255, v_min = 0, v_max = 255;
+  SampleBounds u, v;
 };
 
 // Belongs to one image. thread-safe: tracker, watches and previews share a frame. Decoding happens in the reader's
@@ -40,9 +43,11 @@ class PixelsOnDemand {
   int rows() const { return rows_; }
 
   // Bounds of each unit's chroma, row by row; empty: not known. All of its pixels lie within them, so what looks for a
-  // colour in the whole image need not decode most of it. Computed by the first call, at some quarter of the cost of
+  // colour in the whole image need not decode most of it. Computed by the first call, at some 5 % of the cost of
   // decoding.
   std::span<const ChromaBounds> chroma_bounds() const;
+  // Bounds of these units' luma (units are counted row by row), one for each. Costs some 15 % of decoding them.
+  virtual void find_luma_bounds(std::span<const std::uint32_t> units, SampleBounds* out) const = 0;
 
   // For benchmarks and tests.
   std::size_t decoded_units() const { return decoded_.load(std::memory_order_relaxed); }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <span>
 #include <utility>
 
 namespace huetrack::capture {
@@ -18,37 +19,56 @@ void for_each_symbol(const HuffmanCode& code, int longest, Of&& of) {
     for (int n = code.counts[bits - 1]; n > 0; --n) of(HuffmanSymbol{bits, code.symbols[index++]});
 }
 
-// Entries of ComponentTables::skip for all windows up to `longest`; that of `w` bits begins at 1 << w. Entry 0: no
-// symbol. A symbol that leaves bits in its window is followed by whatever follows in a window of those bits.
+// Of a coefficient that is coded by `bits` bits, of which the first `seen` are `value`: its largest absolute value.
+std::uint16_t most_amplitude(unsigned value, unsigned seen, unsigned bits) {
+  if (seen > bits) value >>= seen - bits, seen = bits;
+  const unsigned unseen = bits - seen;
+  const bool is_negative = seen > 0 && value >> (seen - 1) == 0;
+  const unsigned most = is_negative || seen == 0 ? ~value & ((1U << seen) - 1) : value;
+  return static_cast<std::uint16_t>(most << unseen | ((1U << unseen) - 1));
+}
+
+// Entries of ComponentTables::skip, and their amplitudes, for all windows up to `longest`; that of `w` bits begins at
+// 1 << w. Entry 0: no symbol. A symbol that leaves bits in its window is followed by whatever follows in a window of
+// those bits.
 class SkipLevels {
  public:
   static constexpr int longest = ComponentTables::skip_window;
   explicit SkipLevels(const HuffmanCode& ac) {
     for (int w = 1; w <= longest; ++w) make(w, ac);
   }
-  const std::uint32_t* level(int w) const { return entries_.data() + (std::size_t{1} << w); }
+  std::span<const std::uint32_t> level(int w) const { return std::span(entries_).subspan(begin(w), begin(w)); }
+  std::span<const std::uint16_t> amplitudes(int w) const { return std::span(amplitudes_).subspan(begin(w), begin(w)); }
 
  private:
+  static std::size_t begin(int w) { return std::size_t{1} << w; }
+
   void make(int w, const HuffmanCode& ac) {
-    std::uint32_t* next = entries_.data() + (std::size_t{1} << w);
+    std::size_t next = begin(w);
     for_each_symbol(ac, w, [&](const HuffmanSymbol& symbol) {
       const std::uint32_t all = ac_symbol_entry(symbol);
       const unsigned bits = all & 255, advance = all >> 16 & 255, of_value = all >> 24;
       const int left = w - static_cast<int>(bits);
       const std::uint32_t entry = bits | advance << 16;
       if (left <= 0 || advance == jpeg_block_end) {
-        next = std::fill_n(next, std::size_t{1} << (w - static_cast<int>(symbol.bits)), entry);
+        const unsigned seen = static_cast<unsigned>(w) - symbol.bits;
+        for (unsigned value = 0; value < 1U << seen; ++value, ++next)
+          entries_[next] = entry, amplitudes_[next] = most_amplitude(value, seen, of_value);
         return;
       }
-      const std::uint32_t* rest = level(left);
-      for (int i = 0; i < 1 << of_value; ++i)
-        next = std::transform(rest, rest + (std::size_t{1} << left), next, [&](std::uint32_t r) {
-          return (r >> 16 & 127U) > most_advance - advance ? entry : entry + r;
-        });
+      for (unsigned value = 0; value < 1U << of_value; ++value) {
+        const std::uint16_t own = most_amplitude(value, of_value, of_value);
+        for (std::size_t rest = begin(left); rest < 2 * begin(left); ++rest, ++next) {
+          const bool fits = (entries_[rest] >> 16 & 127U) <= most_advance - advance;
+          entries_[next] = entry + (fits ? entries_[rest] : 0);
+          amplitudes_[next] = static_cast<std::uint16_t>(own + (fits ? amplitudes_[rest] : 0));
+        }
+      }
     });
   }
 
   std::array<std::uint32_t, std::size_t{2} << longest> entries_{};
+  std::array<std::uint16_t, std::size_t{2} << longest> amplitudes_{};
 };
 
 }  // namespace
@@ -75,8 +95,10 @@ bool ComponentTables::make(const HuffmanCode& dc, const HuffmanCode& ac) {
   is_made_ = false;
   if (!dc_code.make(dc) || !ac_code.make(ac)) return false;
   const SkipLevels levels(ac);
-  std::transform(levels.level(skip_window), levels.level(skip_window + 1), skip.begin(),
-                 [](std::uint32_t entry) { return entry == 0 ? beyond_window << 16 : entry; });
+  std::ranges::transform(levels.level(skip_window), skip.begin(), [](std::uint32_t entry) {
+    return entry == 0 ? static_cast<std::uint32_t>(long_code) : entry;
+  });
+  std::ranges::copy(levels.amplitudes(skip_window), skip_amplitude.begin());
 
   symbol.fill(0);
   auto* next_symbol = symbol.data();
@@ -86,7 +108,8 @@ bool ComponentTables::make(const HuffmanCode& dc, const HuffmanCode& ac) {
   });
 
   start.fill(beyond_window << 8);
-  auto* next = start.data();
+  start_amplitude.fill(0);
+  std::size_t next = 0;
   bool is_valid = true;
   for_each_symbol(dc, 16, [&](const HuffmanSymbol& s) {
     is_valid = is_valid && s.value <= 15;
@@ -94,13 +117,18 @@ bool ComponentTables::make(const HuffmanCode& dc, const HuffmanCode& ac) {
     const std::uint32_t entry = (s.bits + s.value) | 1U << 8 | s.bits << 16 | std::uint32_t{s.value} << 24;
     const int left = start_window - static_cast<int>(s.bits) - s.value;
     if (left <= 0) {
-      next = std::fill_n(next, std::size_t{1} << (start_window - static_cast<int>(s.bits)), entry);
+      const std::size_t count = std::size_t{1} << (start_window - static_cast<int>(s.bits));
+      std::fill_n(start.begin() + static_cast<std::ptrdiff_t>(next), count, entry);
+      next += count;
       return;
     }
-    const std::uint32_t* rest = levels.level(left);
-    for (int i = 0; i < 1 << s.value; ++i)
-      next = std::transform(rest, rest + (std::size_t{1} << left), next,
-                            [&](std::uint32_t r) { return entry + (r & 255) + (r >> 16 << 8); });
+    const auto rest = levels.level(left);
+    const auto amplitudes = levels.amplitudes(left);
+    for (int value = 0; value < 1 << s.value; ++value)
+      for (std::size_t i = 0; i < rest.size(); ++i, ++next) {
+        start[next] = entry + (rest[i] & 255) + (rest[i] >> 16 << 8);
+        start_amplitude[next] = amplitudes[i];
+      }
   });
   if (!is_valid) return false;
   dc_ = dc;

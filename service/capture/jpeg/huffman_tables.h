@@ -25,18 +25,17 @@ struct HuffmanSymbol {
   std::uint8_t value = 0;
 };
 
-// Canonical codes by their length: slow, for codes that are longer than a table's window.
+// Canonical codes by their length: for codes that are longer than a table's window.
 class CanonicalCode {
  public:
   // False: no prefix code, or one that libjpeg refuses (it has a code of ones only).
   bool make(const HuffmanCode& code);
   HuffmanSymbol symbol(std::uint32_t next_16_bits) const {
-    for (std::size_t length = 1; length <= 16; ++length)
-      if (next_16_bits < end_[length]) {
-        const auto index = static_cast<std::size_t>(first_[length] + static_cast<int>(next_16_bits >> (16 - length)));
-        return {static_cast<unsigned>(length), symbols_[index]};
-      }
-    return {};
+    std::size_t length = 1;  // without a branch: it cannot be predicted
+    for (std::size_t shorter = 1; shorter <= 16; ++shorter) length += next_16_bits >= end_[shorter] ? 1 : 0;
+    if (length > 16) return {};
+    const auto index = static_cast<std::size_t>(first_[length] + static_cast<int>(next_16_bits >> (16 - length)));
+    return {static_cast<unsigned>(length), symbols_[index]};
   }
 
  private:
@@ -63,12 +62,17 @@ struct ComponentTables {
 
   // By the next bits of AC coefficients: all symbols whose codes lie in the window, and the bits that code the last
   // one's value, wherever they lie. Low half: bits. High half: coefficients, + jpeg_block_end if the last symbol is the
-  // block's end; 0xFF: the first code is longer than the window, or there is none. An entry applies if no symbol but
-  // the last one completes the block: if the sum of coefficients is < 64 or is_block_complete().
+  // block's end. An entry applies if no symbol but the last one completes the block: if the sum of coefficients is < 64
+  // or is_block_complete(). long_code: the first code is longer than the window, or there is none.
   std::array<std::uint32_t, std::size_t{1} << skip_window> skip;
+  static constexpr std::int32_t long_code = (16384 + 64) << 16;
   // By the first bits of a block: the DC coefficient, and AC coefficients as above. From the low byte: bits;
-  // coefficients (0xFF as above); bits of the DC coefficient's code; bits of its value.
+  // coefficients (0xFF: the code is longer than the window, or there is none); bits of the DC coefficient's code; bits
+  // of its value.
   std::array<std::uint32_t, std::size_t{1} << start_window> start;
+  // Of each entry of these two: the sum of its AC coefficients' absolute values, at most.
+  std::array<std::uint16_t, std::size_t{1} << skip_window> skip_amplitude;
+  std::array<std::uint16_t, std::size_t{1} << start_window> start_amplitude;
   // By the next bits of AC coefficients: ac_symbol_entry(). 0: the code is longer than the window, or there is none.
   std::array<std::uint32_t, std::size_t{1} << symbol_window> symbol;
   CanonicalCode dc_code, ac_code;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <mutex>
+#include <numeric>
 #include <span>
 #include <utility>
 
@@ -20,19 +21,15 @@ constexpr std::size_t most_bytes = std::size_t{1} << 28;  // their bits are coun
 // Bits that are worth a lane of their own: a lane that begins anywhere finds the true codes after some 2000 bits.
 constexpr std::size_t least_lane_bits = 16384;
 
-bool is_decodable(std::uint32_t position) {
-  return (position & McuLane::not_decodable) == 0;
-}
-
 std::size_t in_units(int n, int unit) {
   return static_cast<std::size_t>((n + unit - 1) / unit);
 }
 
 // The samples of a block with this DC coefficient (dequantised) and swing: rounding takes them no further than 1.
-std::pair<std::uint8_t, std::uint8_t> range_of_samples(std::int16_t dc, std::uint64_t swing) {
+SampleBounds bounds_of_samples(std::int16_t dc, std::uint64_t swing) {
   constexpr std::uint64_t most_swing = 256 * 64;
   constexpr int most_sound_dc = 4096;  // beyond it, or with a larger swing, the transform's sums may wrap
-  if (swing >= most_swing || std::abs(int{dc}) > most_sound_dc) return {0, 255};
+  if (swing >= most_swing || std::abs(int{dc}) > most_sound_dc) return {};
   const int off = static_cast<int>(swing / 64) + 2, mean = 128 + (dc >> 3);
   return {static_cast<std::uint8_t>(std::clamp(mean - off, 0, 255)),
           static_cast<std::uint8_t>(std::clamp(mean + 1 + off, 0, 255))};
@@ -64,6 +61,8 @@ struct JpegIndex::Impl {
   bool is_end_sound(std::span<const std::uint8_t> jpeg, int padding) const;
   bool sum_differences();
   void make_eighth();
+  // Of these MCUs, one after the other: bounds of each component of the blocks first .. end - 1 of an MCU.
+  std::vector<SampleBounds> bounds(std::span<const std::uint32_t> mcus, std::size_t first, std::size_t end) const;
 
   std::size_t components() const { return static_cast<std::size_t>(header.components); }
   std::size_t block_columns(std::size_t c) const {
@@ -85,11 +84,12 @@ struct JpegIndex::Impl {
   std::size_t mcu_columns = 0, mcu_rows = 0;
   std::vector<std::size_t> blocks;                   // of an MCU: their components
   std::vector<const ComponentTables*> block_tables;  // and tables
-  std::vector<std::uint32_t> positions;              // of MCUs, bits
+  std::size_t luma = 0;                              // blocks of an MCU that are of its first component
+  std::vector<McuBegin> positions;                   // of MCUs
   std::vector<std::int16_t> dc;                      // of all blocks, MCU by MCU, modulo 2^16
   std::vector<std::size_t> interval_ends;            // bits behind each interval's last MCU
   struct Guess {                                     // what a lane that began anywhere has skipped
-    std::vector<std::uint32_t> positions;
+    std::vector<McuBegin> positions;
     std::vector<std::int16_t> differences;
   };
   std::array<Guess, most_mcu_lanes - 1> guesses;
@@ -134,6 +134,7 @@ void JpegIndex::Impl::lay_out_blocks() {
       blocks.push_back(c);
       block_tables.push_back(&tables[table_of[c]]);
     }
+  luma = static_cast<std::size_t>(header.component[0].h * header.component[0].v);
   positions.resize(mcu_columns * mcu_rows);
   dc.resize(positions.size() * blocks.size());
 }
@@ -146,7 +147,7 @@ bool JpegIndex::Impl::skip_all() {
     for (std::size_t first = 0; first < data.intervals.size(); first += most_mcu_lanes)
       skip_intervals(first, std::min(most_mcu_lanes, data.intervals.size() - first));
   }
-  return std::ranges::all_of(positions, is_decodable);
+  return std::ranges::all_of(positions, &McuBegin::is_decodable);
 }
 
 // Each interval is a lane.
@@ -157,9 +158,9 @@ void JpegIndex::Impl::skip_intervals(std::size_t first, std::size_t intervals) {
     const std::size_t mcu = (first + i) * of_interval;
     lanes[i] = lane_at(mcu, std::min(of_interval, positions.size() - mcu), data.intervals[first + i]);
   }
-  skip_mcus(data.bytes.data(), block_tables, std::span(lanes).first(intervals));
+  skip_mcus(data.bytes.data(), block_tables, luma, std::span(lanes).first(intervals));
   for (std::size_t i = 0; i < intervals; ++i) {
-    if (lanes[i].left > 0) *lanes[i].positions = McuLane::not_decodable;  // too few bits
+    if (lanes[i].left > 0) lanes[i].positions->bit = McuBegin::not_decodable;  // too few bits
     interval_ends.push_back(lanes[i].bit);
   }
 }
@@ -191,7 +192,7 @@ bool JpegIndex::Impl::skip_interval(std::size_t mcus, const EntropyBytes::Interv
                 .differences = guesses[i - 1].differences.data()};
     lanes[i - 1].stop = lanes[i].bit;
   }
-  skip_mcus(data.bytes.data(), block_tables, std::span(lanes).first(n));
+  skip_mcus(data.bytes.data(), block_tables, luma, std::span(lanes).first(n));
   return join(lanes[0], std::span(lanes).subspan(1, n - 1), 8 * interval.end);
 }
 
@@ -203,23 +204,23 @@ bool JpegIndex::Impl::join(McuLane lane, std::span<const McuLane> guessed, std::
     const auto begins = std::span(guess.positions).first(guess.positions.size() - guessed[next].left);
     auto begin = begins.begin();
     while (lane.left > 0) {
-      while (begin != begins.end() && (*begin < lane.bit || !is_decodable(*begin))) ++begin;
-      if (begin == begins.end() || *begin == lane.bit) break;
-      lane.stop = std::min(std::size_t{*begin}, end);
-      skip_mcus(data.bytes.data(), block_tables, std::span(&lane, 1));
+      while (begin != begins.end() && (begin->bit < lane.bit || !begin->is_decodable())) ++begin;
+      if (begin == begins.end() || begin->bit == lane.bit) break;
+      lane.stop = std::min(std::size_t{begin->bit}, end);
+      skip_mcus(data.bytes.data(), block_tables, luma, std::span(&lane, 1));
       if (lane.bit >= end) break;
     }
     const auto taken = std::min(begins.end() - begin, static_cast<std::ptrdiff_t>(lane.left));
     if (taken == 0) continue;
     const auto per_mcu = static_cast<std::ptrdiff_t>(blocks.size());
-    lane.bit = begin + taken == begins.end() ? guessed[next].bit : begin[taken] & ~McuLane::not_decodable;
+    lane.bit = begin + taken == begins.end() ? guessed[next].bit : begin[taken].bit & ~McuBegin::not_decodable;
     lane.positions = std::copy_n(begin, taken, lane.positions);
     lane.differences =
         std::copy_n(guess.differences.begin() + (begin - begins.begin()) * per_mcu, taken * per_mcu, lane.differences);
     lane.left -= static_cast<std::size_t>(taken);
   }
   lane.stop = end;
-  skip_mcus(data.bytes.data(), block_tables, std::span(&lane, 1));
+  skip_mcus(data.bytes.data(), block_tables, luma, std::span(&lane, 1));
   interval_ends.push_back(lane.bit);
   return lane.left == 0;
 }
@@ -246,15 +247,19 @@ bool JpegIndex::Impl::is_end_sound(std::span<const std::uint8_t> jpeg, int paddi
 bool JpegIndex::Impl::sum_differences() {
   const std::size_t interval =
       header.restart_interval == 0 ? positions.size() : static_cast<std::size_t>(header.restart_interval);
-  std::int16_t* value = dc.data();
-  for (std::size_t mcu = 0; mcu < positions.size();) {
-    std::array<std::int32_t, 3> last{};
-    const std::size_t end = std::min(positions.size(), mcu + interval);
-    for (; mcu < end; ++mcu)
-      for (const std::size_t c : blocks) {
-        if (__builtin_add_overflow(last[c], *value, &last[c])) return false;
-        *value++ = static_cast<std::int16_t>(last[c]);
-      }
+  std::size_t first = 0;
+  for (std::size_t c = 0; c < components(); ++c) {
+    const auto of_mcu = static_cast<std::size_t>(header.component[c].h * header.component[c].v);
+    std::int16_t* mcu = dc.data() + first;
+    for (std::size_t begin = 0; begin < positions.size(); begin += interval) {
+      std::int32_t last = 0;
+      for (std::size_t n = std::min(interval, positions.size() - begin); n > 0; --n, mcu += blocks.size())
+        for (std::size_t i = 0; i < of_mcu; ++i) {
+          if (__builtin_add_overflow(last, mcu[i], &last)) return false;
+          mcu[i] = static_cast<std::int16_t>(last);
+        }
+    }
+    first += of_mcu;
   }
   return true;
 }
@@ -266,15 +271,43 @@ void JpegIndex::Impl::make_eighth() {
   for (std::size_t c = 0; c < components(); ++c) {
     const auto h = static_cast<std::size_t>(header.component[c].h), v = static_cast<std::size_t>(header.component[c].v);
     const int step = header.component[c].steps[0];
-    const std::int16_t* mcu = of_component;
-    for (std::size_t row = 0; row < mcu_rows; ++row)
-      for (std::size_t column = 0; column < mcu_columns; ++column, mcu += blocks.size())
-        for (std::size_t i = 0; i < h * v; ++i)
-          plane[(row * v + i / h) * block_columns(c) + column * h + i % h] =
-              jpeg_mean(static_cast<std::int16_t>(mcu[i] * step));
+    for (std::size_t i = 0; i < h * v; ++i) {
+      const std::int16_t* mcu = of_component + i;
+      for (std::size_t row = 0; row < mcu_rows; ++row) {
+        std::uint8_t* const pixels = plane + (row * v + i / h) * block_columns(c) + i % h;
+        for (std::size_t column = 0; column < mcu_columns; ++column, mcu += blocks.size())
+          pixels[column * h] = jpeg_mean(static_cast<std::int16_t>(*mcu * step));
+      }
+    }
     plane += block_columns(c) * block_rows(c);
     of_component += h * v;
   }
+}
+
+std::vector<SampleBounds> JpegIndex::Impl::bounds(std::span<const std::uint32_t> mcus, std::size_t first,
+                                                  std::size_t end) const {
+  const std::size_t component = blocks[first], count = blocks[end - 1] + 1 - component;
+  std::array<Swings, 3> swings_of_component;
+  for (std::size_t c = component; c < component + count; ++c)
+    swings_of_component[c] = swings_of(header.component[c].steps.data());
+  std::vector<BoundedBlock> bounded;
+  for (std::size_t i = first; i < end; ++i) bounded.push_back({block_tables[i], &swings_of_component[blocks[i]]});
+  std::vector<std::uint32_t> bits(mcus.size());
+  std::ranges::transform(mcus, bits.begin(),
+                         [&](std::uint32_t mcu) { return first == 0 ? positions[mcu].bit : positions[mcu].chroma; });
+  std::vector<std::uint64_t> swings(mcus.size() * bounded.size());
+  find_swings(data.bytes.data(), bits, bounded, swings.data());
+  std::vector<SampleBounds> out(mcus.size() * count, {.min = 255, .max = 0});
+  auto swing = swings.begin();
+  for (std::size_t n = 0; n < mcus.size(); ++n)
+    for (std::size_t i = first; i < end; ++i) {
+      const int step = header.component[blocks[i]].steps[0];
+      const SampleBounds block =
+          bounds_of_samples(static_cast<std::int16_t>(dc[mcus[n] * blocks.size() + i] * step), *swing++);
+      SampleBounds& all = out[n * count + blocks[i] - component];
+      all = {.min = std::min(all.min, block.min), .max = std::max(all.max, block.max)};
+    }
+  return out;
 }
 
 JpegIndex::JpegIndex() : impl_(std::make_unique<Impl>()) {}
@@ -380,29 +413,17 @@ Image JpegIndex::eighth() const {
 
 std::vector<ChromaBounds> JpegIndex::chroma_bounds() const {
   const Impl& impl = *impl_;
-  if (impl.components() == 1) return std::vector<ChromaBounds>(impl.positions.size(), {128, 128, 128, 128});
-  std::vector<ChromaBounds> out(impl.positions.size(), {255, 0, 255, 0});
-  std::array<Swings, 3> of_component;
-  std::vector<const Swings*> swings;
-  for (std::size_t c = 0; c < impl.components(); ++c)
-    of_component[c] = swings_of(impl.header.component[c].steps.data());
-  for (const std::size_t c : impl.blocks) swings.push_back(c == 0 ? nullptr : &of_component[c]);
-  const std::size_t luma = static_cast<std::size_t>(std::ranges::count(impl.blocks, 0U));
-  std::vector<std::uint64_t> found(impl.positions.size() * (impl.blocks.size() - luma));
-  find_swings(impl.data.bytes.data(), impl.positions, impl.block_tables, swings, found.data());
-  auto swing = found.begin();
-  for (std::size_t mcu = 0; mcu < out.size(); ++mcu) {
-    for (std::size_t i = luma; i < impl.blocks.size(); ++i) {
-      const std::size_t c = impl.blocks[i];
-      const auto dc =
-          static_cast<std::int16_t>(impl.dc[mcu * impl.blocks.size() + i] * impl.header.component[c].steps[0]);
-      const auto [least, most] = range_of_samples(dc, *swing++);
-      std::uint8_t& lower = c == 1 ? out[mcu].u_min : out[mcu].v_min;
-      std::uint8_t& upper = c == 1 ? out[mcu].u_max : out[mcu].v_max;
-      lower = std::min(lower, least), upper = std::max(upper, most);
-    }
-  }
+  std::vector<ChromaBounds> out(impl.positions.size(), {.u = {128, 128}, .v = {128, 128}});
+  if (impl.components() == 1) return out;
+  std::vector<std::uint32_t> all(out.size());
+  std::iota(all.begin(), all.end(), 0U);
+  const auto found = impl.bounds(all, impl.luma, impl.blocks.size());
+  for (std::size_t mcu = 0; mcu < out.size(); ++mcu) out[mcu] = {.u = found[2 * mcu], .v = found[2 * mcu + 1]};
   return out;
+}
+
+void JpegIndex::find_luma_bounds(std::span<const std::uint32_t> mcus, SampleBounds* out) const {
+  std::ranges::copy(impl_->bounds(mcus, 0, impl_->luma), out);
 }
 
 }  // namespace huetrack::capture

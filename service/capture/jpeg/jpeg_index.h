@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "capture/frames/pixel_format.h"
@@ -63,9 +64,10 @@ class JpegIndex : public std::enable_shared_from_this<JpegIndex> {
   // edge is the encoder's padding. The image keeps this index.
   Image eighth() const;
 
-  // Of each MCU, row by row: what its chroma surely lies within, by the DC and the sum of the AC coefficients. Takes
-  // about the time of the index.
+  // Of each MCU, row by row: what its chroma surely lies within, by the DC and the sum of the AC coefficients.
   std::vector<ChromaBounds> chroma_bounds() const;
+  // The same of the luma of these MCUs, which are counted row by row.
+  void find_luma_bounds(std::span<const std::uint32_t> mcus, SampleBounds* out) const;
 
  private:
   friend class JpegIndexPool;

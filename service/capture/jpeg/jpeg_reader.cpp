@@ -38,6 +38,9 @@ class JpegPixels final : public PixelsOnDemand {
 
   Plane plane(std::size_t i) const { return {planes_[i], strides_[i]}; }
   Image eighth() const override { return index_->eighth(); }
+  void find_luma_bounds(std::span<const std::uint32_t> units, SampleBounds* out) const override {
+    index_->find_luma_bounds(units, out);
+  }
 
  private:
   void decode(int row, int first, int count) const override {
