@@ -11,7 +11,6 @@ namespace huetrack::color {
 namespace {
 
 struct RoomColorsTuning {
-  double memory_samples = 12;   // in the mean of a room's colours: as long as the static clutter mask's
   double outside_range = 0.05;  // share of a target's pixels that its range leaves out: it is their 1 to 99 % per axis
   double hidden = 0.3;          // share of an object's pixels that something hides
   double disturbed = 0.1;       // share of the pixels with a known usual value that show it disturbed: noise, shadows
@@ -92,7 +91,7 @@ std::size_t RoomColors::bin(const Raw& raw) const {
 }
 
 void RoomColors::learn(MatchBits& view, const ColorTable& table, capture::PixelFormat format,
-                       std::span<const Disc> objects) {
+                       std::span<const Disc> objects, int memory_samples) {
   std::array<std::uint8_t, 3> least{255, 255, 255}, most{0, 0, 0};
   for_each_color(table, format, [&](const Raw& raw) {
     for (std::size_t c = 0; c < 3; ++c) least[c] = std::min(least[c], raw[c]), most[c] = std::max(most[c], raw[c]);
@@ -115,7 +114,7 @@ void RoomColors::learn(MatchBits& view, const ColorTable& table, capture::PixelF
     });
     if (!is_object) now_[bin(view.values_at(u, v))] += 1;
   });
-  samples_ = std::min(samples_ + 1, room_colors.memory_samples);
+  samples_ = std::min(samples_ + 1, double(memory_samples));
   if (samples_ == 1) seen_.assign(bins, 0);
   const double pixels = double(view.width()) * view.height();
   evidence_.resize(bins);

@@ -33,8 +33,9 @@ class RoomColors {
   static constexpr int steps = 12;  // layout: bins per channel, over the extent of the target's colours
 
   // Counts the pixels of the view's frame that match now, but for those in `objects`. Colours that were counted for
-  // another table are forgotten. The frame has pixels.
-  void learn(MatchBits& view, const ColorTable& table, capture::PixelFormat format, std::span<const Disc> objects);
+  // another table are forgotten. The frame has pixels. memory_samples: calls of which the counts are the mean.
+  void learn(MatchBits& view, const ColorTable& table, capture::PixelFormat format, std::span<const Disc> objects,
+             int memory_samples);
   // Natural logarithm of a matching pixel's odds, in units of 1 / evidence_unit. After learn().
   std::int16_t evidence(const MatchBits& view, int u, int v) const;
   static std::int16_t evidence_of_no_match();

@@ -57,7 +57,7 @@ struct Finder {
   DiscFinder finder;
   std::vector<ColorRegion> in(const WoodenRoom& room, double smallest_px, double largest_px) {
     view.look_at(room.image, orange_table());
-    colors->learn(view, orange_table(), capture::PixelFormat::bgr, {});
+    colors->learn(view, orange_table(), capture::PixelFormat::bgr, {}, 12);
     view.set_room(colors);
     return finder.find(view, {0, 0, room_width - 1, room_height - 1}, smallest_px, largest_px);
   }
@@ -109,9 +109,9 @@ TEST(RoomColors, WhatIsAnObjectsIsNotCounted) {
   const WoodenRoom room({disc});
   view.look_at(room.image, orange_table());
   RoomColors counted, spared;
-  counted.learn(view, orange_table(), capture::PixelFormat::bgr, {});
+  counted.learn(view, orange_table(), capture::PixelFormat::bgr, {}, 12);
   const std::vector<Disc> objects{{disc.px, disc.radius_px + 1}};
-  spared.learn(view, orange_table(), capture::PixelFormat::bgr, objects);
+  spared.learn(view, orange_table(), capture::PixelFormat::bgr, objects, 12);
   EXPECT_GT(spared.evidence(view, 140, 160), counted.evidence(view, 140, 160));
   EXPECT_EQ(spared.evidence(view, 40, 200), counted.evidence(view, 40, 200));
 }
@@ -121,12 +121,12 @@ TEST(RoomColors, ATableOfAnotherColourBeginsAnew) {
   const WoodenRoom room({});
   view.look_at(room.image, orange_table());
   RoomColors colors;
-  for (int i = 0; i < 5; ++i) colors.learn(view, orange_table(), capture::PixelFormat::bgr, {});
+  for (int i = 0; i < 5; ++i) colors.learn(view, orange_table(), capture::PixelFormat::bgr, {}, 12);
   HsiRange blue = orange_range;
   blue.hue_min_deg = 200, blue.hue_max_deg = 260;
   const ColorTable of_blue(blue, capture::PixelFormat::bgr, capture::ColorRange::full);
   view.look_at(room.image, of_blue);
-  colors.learn(view, of_blue, capture::PixelFormat::bgr, {});
+  colors.learn(view, of_blue, capture::PixelFormat::bgr, {}, 12);
   const WoodenRoom with_blue({{{140, 160}, 6}}, {230, 60, 30});
   view.look_at(with_blue.image, of_blue);
   EXPECT_GT(colors.evidence(view, 140, 160), 0);  // no pixel of it was seen
@@ -139,7 +139,7 @@ TEST(RoomColors, ADisturbedPixelOfTheRoomIsNoEvidence) {
   view.look_at(bare.image, orange_table());
   RoomColors colors;
   std::vector<Disc> everything{{{160, 120}, 400}};
-  colors.learn(view, orange_table(), capture::PixelFormat::bgr, everything);
+  colors.learn(view, orange_table(), capture::PixelFormat::bgr, everything, 12);
   std::vector<UsualPixels> usual(std::size_t(view.tile_stride() * view.tile_rows()));
   for (int tile = 0; tile < int(usual.size()); ++tile) {
     const TileAt at{std::uint16_t(tile % view.tile_stride()), std::uint16_t(tile / view.tile_stride())};

@@ -14,7 +14,6 @@ namespace {
 
 struct ExistenceTuning {
   double confirmed = 16;     // log-odds: one false track an hour, of 50 pairs of regions in each of 1e5 frame sets
-  double error_share = 0.1;  // of an object's sightings that are off by about its radius (experiment)
   double max_rest_s = 0.25;  // s, an object found although clutter explains it as well must have moved by then
 };
 constexpr ExistenceTuning existence{};
@@ -36,10 +35,10 @@ double density(const Eigen::Vector2d& d, const Eigen::Matrix2d& covariance) {
          (2 * std::numbers::pi * std::sqrt(covariance.determinant()));
 }
 
-// Some sightings are off by as much as the object's radius: what hides a part of it is modelled for most only.
+// As often as something hides it in a view, something hides a part of it, and the sighting is off by about its radius.
 double log_density(const Eigen::Vector2d& d, const Eigen::Matrix2d& covariance, double radius_px) {
   const Eigen::Matrix2d of_error = covariance + radius_px * radius_px * Eigen::Matrix2d::Identity();
-  return std::log((1 - existence.error_share) * density(d, covariance) + existence.error_share * density(d, of_error) +
+  return std::log(detection.probability * density(d, covariance) + (1 - detection.probability) * density(d, of_error) +
                   std::numeric_limits<double>::min());
 }
 

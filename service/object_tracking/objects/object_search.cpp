@@ -13,7 +13,6 @@ using namespace object_tracking;
 namespace {
 
 struct SearchTuning {
-  int volume_steps = 12;        // grid of the volume on which an object's size in a view is computed
   int max_discs = 4;            // discs in a row that one region may be of
   double min_area_share = 0.3;  // of the square of the smallest radius that a region must have where one is searched
 };
@@ -23,7 +22,7 @@ constexpr SearchTuning search_tuning{};
 
 // On a grid over the volume, of which the points in the image count.
 SizeInView size_in(const calib::Camera& camera, const Volume& volume, double radius_m) {
-  constexpr int steps = search_tuning.volume_steps;
+  constexpr int steps = 12;  // layout: of the grid
   SizeInView out;
   for (int i = 0; i <= steps; ++i) {
     for (int j = 0; j <= steps; ++j) {

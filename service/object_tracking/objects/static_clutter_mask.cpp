@@ -151,7 +151,7 @@ void StaticClutterMask::learn_colors(const TargetView& view, PerCamera& camera) 
   for (const Sighting& s : covering_)
     discs_.push_back({s.px, static_clutter.covered_radii * s.radius_px + static_clutter.covered_px});
   if (camera.colors == nullptr) camera.colors = std::make_shared<color::RoomColors>();
-  camera.colors->learn(*view.matches, *view.table, view.image->format, discs_);
+  camera.colors->learn(*view.matches, *view.table, view.image->format, discs_, kept_samples);
   view.matches->set_room(camera.colors);
 }
 
