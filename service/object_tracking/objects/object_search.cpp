@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <numbers>
 #include <utility>
@@ -72,14 +73,21 @@ void ObjectSearch::look(const std::vector<TargetView>& views) {
       regions_[i].clear();
       continue;
     }
-    if (is_shared_ && view.matches->room() != nullptr) {
-      regions_[i] = disc_finders_[std::size_t(view.index)].find(
-          *view.matches, {0, 0, view.image->width - 1, view.image->height - 1}, size.smallest_px, size.largest_px);
-      continue;
-    }
     if (is_shared_) {
       // Two discs in a row: one object and what else of the colour touches it.
-      regions_[i] = whole_regions(finders_[std::size_t(view.index)], *view.matches, size, 2, {});
+      const auto& whole = whole_regions(finders_[std::size_t(view.index)], *view.matches, size, 2, {});
+      regions_[i].clear();
+      if (view.matches->room() != nullptr)
+        regions_[i] = disc_finders_[std::size_t(view.index)].find(
+            *view.matches, {0, 0, view.image->width - 1, view.image->height - 1}, size.smallest_px, size.largest_px);
+      // An object of just the room's colours stands alone somewhere, if at all.
+      const std::size_t discs = regions_[i].size();
+      std::ranges::copy_if(whole, std::back_inserter(regions_[i]), [&](const color::ColorRegion& region) {
+        return std::none_of(regions_[i].begin(), regions_[i].begin() + std::ptrdiff_t(discs),
+                            [&](const color::ColorRegion& disc) {
+                              return (disc.centre - region.centre).norm() < disc_radius(region.area);
+                            });
+      });
       continue;
     }
     const int step = std::max(1, int(size.smallest_px));

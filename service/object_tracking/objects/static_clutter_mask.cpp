@@ -160,11 +160,7 @@ void StaticClutterMask::find_what_may_be_objects(const TargetView& view, PerCame
   if (camera.largest_px == 0) return;
   const double smallest_disc = disc_area(camera.smallest_px);
   const double largest_disc = disc_area(camera.largest_px);
-  learn_colors(view, camera);
-  if (view.matches->room() == nullptr) return;
-  for (const color::ColorRegion& region :
-       camera.finder.find(*view.matches, {0, 0, view.image->width - 1, view.image->height - 1}, camera.smallest_px,
-                          camera.largest_px)) {
+  const auto add_if_disc = [&](const color::ColorRegion& region) {
     const Eigen::Vector2d half = 2 * Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>()
                                          .computeDirect(region.spread)
                                          .eigenvalues()
@@ -173,12 +169,23 @@ void StaticClutterMask::find_what_may_be_objects(const TargetView& view, PerCame
     const double filled = region.area / (std::numbers::pi * half.x() * half.y());
     if (region.area < static_clutter.min_disc * smallest_disc || region.area > largest_disc / static_clutter.min_disc ||
         half.x() < static_clutter.min_roundness * half.y() || filled < static_clutter.min_filled)
-      continue;
+      return;
     Sighting& s = camera.may_be_objects.emplace_back();
     s.row.camera = view.index;
     s.px = region.centre;
     s.radius_px = disc_radius(region.area);
-  }
+  };
+  const int step = std::max(1, int(std::numbers::sqrt2 * camera.smallest_px));
+  const int usual = int(2 * std::sqrt(camera.smallest_px * camera.largest_px)) + 2;
+  const int largest = int(4 * camera.largest_px) + 2;
+  std::ranges::for_each(
+      camera.finder.components(*view.matches, step, {}, usual, largest, int(static_clutter.min_disc * smallest_disc)),
+      add_if_disc);
+  learn_colors(view, camera);
+  if (view.matches->room() != nullptr)
+    std::ranges::for_each(camera.disc_finder.find(*view.matches, {0, 0, view.image->width - 1, view.image->height - 1},
+                                                  camera.smallest_px, camera.largest_px),
+                          add_if_disc);
   view.matches->look_anew();  // classified again, with the mask
 }
 

@@ -79,7 +79,8 @@ class StaticClutterMask {
     int stride = 0;                                              // tiles in a row
     double smallest_px = 0, largest_px = 0;                      // radius of an object
     std::vector<object_tracking::Sighting> may_be_objects = {};  // at the first set
-    color::DiscFinder finder = {};
+    color::RegionFinder finder = {};
+    color::DiscFinder disc_finder = {};
     std::shared_ptr<color::RoomColors> colors = {};  // while the room shares the colour
     std::vector<Probe> probes = {};
     color::LightChange light = {};  // since the last sample

@@ -88,8 +88,11 @@ std::span<const color::ColorRegion> ObjectSighter::regions_near(const TargetView
         static_cast<int>(std::floor(at.px.x() - reach_u)), static_cast<int>(std::floor(at.px.y() - reach_v)),
         static_cast<int>(std::ceil(at.px.x() + reach_u)), static_cast<int>(std::ceil(at.px.y() + reach_v))};
     near_.clear();
-    if (view.matches->room() != nullptr)
-      return disc_finders_[static_cast<std::size_t>(view.index)].find(*view.matches, box, at.radius_px, at.radius_px);
+    if (view.matches->room() != nullptr) {
+      const auto& discs =
+          disc_finders_[static_cast<std::size_t>(view.index)].find(*view.matches, box, at.radius_px, at.radius_px);
+      if (!discs.empty()) return discs;
+    }
     bool is_cut = false;
     for (const color::ColorRegion& region : finders_[static_cast<std::size_t>(view.index)].find(
              *view.matches, box, min_area, sighting_tuning.part_radii * at.radius_px)) {
