@@ -157,16 +157,16 @@ BagPictures::BagPictures(const RecordedCamera& camera, std::vector<std::string>&
 
 void BagPictures::measure_period() {
   bags::TopicReader first(camera_.frames, camera_.topic);
-  std::vector<std::int64_t> steps;
-  std::optional<std::int64_t> before;
-  while (steps.size() < frames_for_period) {
+  std::vector<std::int64_t> steps, logged, stamped;
+  while (logged.size() <= frames_for_period) {
     const auto message = first.next();
     if (!message) break;
     const auto picture = bags::picture_of(*message);
-    const std::int64_t at = picture && picture->stamp_ns != 0 ? picture->stamp_ns : message->logged_at_ns;
-    if (before) steps.push_back(at - *before);
-    before = at;
+    is_stamped_ = is_stamped_ || (picture && picture->stamp_ns != 0);
+    logged.push_back(message->logged_at_ns), stamped.push_back(picture ? picture->stamp_ns : 0);
   }
+  const std::vector<std::int64_t>& times = is_stamped_ ? stamped : logged;
+  for (std::size_t i = 1; i < times.size(); ++i) steps.push_back(times[i] - times[i - 1]);
   if (steps.empty()) return;
   std::ranges::nth_element(steps, steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2));
   period_ = capture::Duration(std::max<std::int64_t>(0, steps[steps.size() / 2]));
@@ -191,13 +191,13 @@ std::optional<Shown> BagPictures::next() {
     if (!selection_.contains(number)) continue;
     const auto picture = bags::picture_of(*message);
     Shown shown{.index = number, .stamp = {}, .image = {}};
-    const bool is_stamped = picture && picture->stamp_ns != 0;
-    if (picture && !is_stamped && !std::exchange(has_warned_of_stamps_, true))
+    if (picture && !is_stamped_ && !std::exchange(has_warned_of_stamps_, true))
       warn(
           "its messages have no time stamps (header.stamp is 0): the times of recording them are used, which are late "
           "by "
           "transport and load: calibrate the latency (huetrack-calibrate time)");
-    shown.stamp = capture::Timestamp{capture::Duration(is_stamped ? picture->stamp_ns : message->logged_at_ns)};
+    shown.stamp =
+        capture::Timestamp{capture::Duration(picture && is_stamped_ ? picture->stamp_ns : message->logged_at_ns)};
     problem_ = "its message is damaged";
     std::optional<capture::Image> image;
     if (picture && picture->is_compressed) {

@@ -43,7 +43,8 @@ class BagPictures final : public PictureStream {
   bags::TopicReader messages_;
   capture::Duration period_{0};
   std::int64_t index_ = 0;
-  std::int64_t lost_ = 0;  // frames that do not decode
+  std::int64_t lost_ = 0;    // frames that do not decode
+  bool is_stamped_ = false;  // some header.stamp is not 0: a simulated clock begins at 0
   bool has_warned_of_stamps_ = false;
   PictureDecoder decoder_;
   std::string problem_;  // why the last picture has no image

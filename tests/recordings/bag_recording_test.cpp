@@ -119,6 +119,19 @@ TEST_F(BagRecording, PlaysMcapOfEveryStyle) {
         }
 }
 
+TEST_F(BagRecording, ASimulatedClockBeginsAtZero) {
+  std::vector<WrittenMessage> messages;
+  std::vector<std::int64_t> expected;
+  for (int k = 0; k < bag_frames; ++k) {
+    expected.push_back(k * period_ns);
+    messages.push_back({"/left", "sensor_msgs/msg/CompressedImage", first_ns + k * period_ns,
+                        compressed_image({}, expected.back(), "bgr8; jpeg compressed bgr8", flat_jpeg(k))});
+  }
+  const Played played = play(write("a.mcap", mcap_of(messages, {})), {"left"});
+  EXPECT_EQ(played.at_ns.at(0), expected);
+  EXPECT_THAT(played.warnings, IsEmpty());
+}
+
 TEST_F(BagRecording, PlaysMcapOfRos1Messages) {
   expect_all(write("a.mcap", mcap_of(two_cameras({.is_ros1 = true}, ""), {.encoding = "ros1"})));
 }
