@@ -1,6 +1,5 @@
 #include "color/room_colors.h"
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -101,10 +100,9 @@ void RoomColors::learn(MatchBits& view, const ColorTable& table, capture::PixelF
     if (least[0] > most[0]) least_ = most_ = {};  // the table matches nothing
     samples_ = 0;
   }
-  of_target_.assign(bins, 0);
+  std::vector<float> of_target_bin(bins, 0);
   double colors = 0;
-  for_each_color(table, format, [&](const Raw& raw) { of_target_[bin(raw)] += 1, colors += 1; });
-
+  for_each_color(table, format, [&](const Raw& raw) { of_target_bin[bin(raw)] += 1, colors += 1; });
   colors_ = std::max(1.0, colors * coarse * coarse * coarse);
 
   now_.assign(bins, 0);
@@ -121,7 +119,7 @@ void RoomColors::learn(MatchBits& view, const ColorTable& table, capture::PixelF
   for (std::size_t b = 0; b < bins; ++b) {
     seen_[b] += (now_[b] - seen_[b]) / float(samples_);
     // Half a pixel, and half a colour: what was not seen yet is not impossible.
-    const double of_target = (1 - room_colors.outside_range) * (double(of_target_[b]) + 0.5) / (colors + 0.5 * bins);
+    const double of_target = (1 - room_colors.outside_range) * (double(of_target_bin[b]) + 0.5) / (colors + 0.5 * bins);
     const double of_room = (double(seen_[b]) + 0.5) / (pixels + 0.5 * bins);
     evidence_[b] = fixed(std::log(of_target / of_room));
   }
@@ -235,8 +233,7 @@ ColorRegion DiscFinder::measured(Disc disc) const {
     disc.px += step * mean;
     const double sigma = std::sqrt(out.of_disc.trace() / 2);
     if (step <= 1 || sigma > step) break;
-    step = std::max(step / 2, std::min(step, 3 * sigma / reach));
-    if (step < 1) step = 1;
+    step = std::max({1.0, step / 2, 3 * sigma / reach});
   }
   const double r2 = disc.radius_px * disc.radius_px;
   Eigen::Vector2d mean = Eigen::Vector2d::Zero();

@@ -11,7 +11,6 @@
 
 #include <array>
 #include <cstdint>
-#include <memory>
 #include <span>
 #include <vector>
 
@@ -46,7 +45,6 @@ class RoomColors {
   std::size_t bin(const std::array<std::uint8_t, 3>& raw) const;
 
   std::array<std::uint8_t, 3> least_{}, most_{};  // extent of the target's colours
-  std::vector<float> of_target_;                  // share of the target's colours, per bin
   std::vector<float> seen_;                       // pixels per frame, per bin
   std::vector<float> now_;                        // work space of learn()
   double samples_ = 0;                            // in seen_
@@ -58,7 +56,7 @@ class RoomColors {
 class DiscFinder {
  public:
   // Discs of radii from smallest_px to largest_px that stand out from what is around them, best first: their centres'
-  // mean and covariance by the likelihood of their pixels; area: pixels that stand out; spread: that of the disc.
+  // mean and covariance by the likelihood of their pixels; area and spread: of the pixels that stand out.
   // view.room() is not null. Valid until the next call.
   const std::vector<ColorRegion>& find(MatchBits& view, PixelBox box, double smallest_px, double largest_px);
 

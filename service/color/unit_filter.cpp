@@ -13,7 +13,7 @@ bool has_point(int unit, int shift, int step) {
 
 }  // namespace
 
-// By chroma, whose bounds cost least; then, of what is left, by luma: where it is dark even greys have a colour.
+// First by chroma, whose bounds cost least; the remaining units by luma, since dark greys may have a saturated hue.
 UnitFilter::UnitFilter(const capture::PixelsOnDemand* pixels, const ColorTable* table, int step) : pixels_(pixels) {
   if (pixels == nullptr) return;
   column_shift_ = pixels->column_shift(), row_shift_ = pixels->row_shift(), columns_ = pixels->columns();

@@ -443,7 +443,7 @@ void warn_of_times_apart(const Recording& recording, const std::vector<std::uniq
   }
 }
 
-// Films whose clocks begin anywhere: whether these began together, or are one clock, no file says.
+// Films whose clocks do not start at 0: no file says whether they started together, or share one clock.
 void warn_of_clocks_apart(const std::vector<std::unique_ptr<Stream>>& streams, std::vector<std::string>& warnings) {
   const Stream* first = nullptr;
   for (const auto& stream : streams) {

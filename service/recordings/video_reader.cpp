@@ -609,7 +609,7 @@ struct VideoReader::Impl {
   capture::PacketPtr packet{capture::not_null(av_packet_alloc())};
   capture::PictureMaker pictures;
   int next_avi_entry = 0;
-  std::optional<std::int64_t> clock_start;  // ticks; of a container whose clock begins anywhere
+  std::optional<std::int64_t> clock_start;  // ticks; of a container whose clock does not start at 0
   bool is_intra_only = false;
   bool is_delayed = false;
   bool is_avi = false;

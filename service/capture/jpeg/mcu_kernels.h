@@ -56,7 +56,7 @@ void decode_mcus(const std::uint8_t* bytes, std::span<const McuBegin> positions,
 using Swings = std::array<std::uint32_t, 64>;
 Swings swings_of(const std::int16_t* steps);
 
-// A block of consecutive ones whose samples are bounded.
+// A block whose samples' range is computed.
 struct BoundedBlock {
   const ComponentTables* tables = nullptr;
   const Swings* swings = nullptr;
