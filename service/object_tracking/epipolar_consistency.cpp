@@ -29,9 +29,10 @@ struct EpipolarConsistencyTuning {
   double max_along = 10;       // variance along over across the epipolar lines: within 20 degrees of them
   double min_sine = 0.1;       // between two rays, below which they cannot be compared
   double place_radii = 8;      // radii between two places at which a pair was consistent
-  int steps = 40;              // multiplicative updates of the least squares
 };
 constexpr EpipolarConsistencyTuning epipolar_consistency{};
+
+constexpr int least_squares_steps = 40;  // capacity: multiplicative updates
 
 }  // namespace
 
@@ -257,7 +258,7 @@ void EpipolarConsistency::explain() {
   if (explain_by_one()) return;
   const auto may_be_right = [](const Pair& p) { return p.was_sure || (p.scale2 > 0 && p.is_consistent()); };
   if (std::ranges::none_of(pairs_, may_be_right)) return inflate_all();
-  for (int step = 0; step < epipolar_consistency.steps; ++step) {
+  for (int step = 0; step < least_squares_steps; ++step) {
     std::ranges::fill(up_, 0.0);
     std::ranges::fill(down_, 0.0);
     for_each_pair([&](const Pair& p, std::size_t i, std::size_t j) {

@@ -7,16 +7,17 @@ namespace {
 
 struct ExpectedViewTuning {
   double max_exposure_s = 0.010;  // s, one period of lamps at 50 Hz: the shortest exposure without flicker
-  int row_steps = 3;              // fixed-point steps from the object's row to its time and back
 };
 constexpr ExpectedViewTuning expected_view{};
+
+constexpr int row_steps = 3;  // maths: fixed-point steps from the object's row to its time and back
 
 }  // namespace
 
 std::optional<ExpectedView> expected_in(const TargetView& view, const MotionState& state, double radius_m) {
   ExpectedView out;
   double row = (view.image->height - 1) / 2.0;
-  for (int step = 0; step < expected_view.row_steps; ++step) {
+  for (int step = 0; step < row_steps; ++step) {
     out.row = row_of(view, row, state);
     const auto at = project_ball(*view.camera, state.position_at(out.row.at), radius_m);
     if (!at) return std::nullopt;

@@ -1,14 +1,17 @@
 #include "object_tracking/motion_observer.h"
 
+#include <cmath>
+
 namespace huetrack::object_tracking {
 namespace {
 
 struct MotionObserverTuning {
-  int max_passes = 3;        // repeated linearisations after the first
   double first_radii = 0.1;  // radii that the first pass must have moved the position by to linearise again
   double next_radii = 0.01;  // the same of a later pass
 };
 constexpr MotionObserverTuning motion_observer{};
+
+constexpr int max_passes = 3;  // capacity: repeated linearisations after the first
 
 }  // namespace
 
@@ -16,6 +19,7 @@ MotionState MotionObserver::observed(const MotionState& from, const MotionState*
                                      std::span<const Sighting> sightings, double power_density) {
   MotionState out = from;
   views_.clear();
+  is_size_consistent_.reset();
   double nis = 0;
   for (const Sighting& sighting : sightings) {
     out.predict_to(sighting.row.at, power_density);
@@ -31,8 +35,20 @@ MotionState MotionObserver::observed(const MotionState& from, const MotionState*
                        .inflation = sighting.inflation(),
                        .linearised_at = then,
                        .px_expected = at->px,
-                       .jacobian = at->jacobian}});
-    nis += out.observe(views_.back().linear, near.velocity(), power_density);
+                       .jacobian = at->jacobian,
+                       .ray = then - sighting.camera->centre()}});
+    const LinearSighting& linear = views_.back().linear;
+    nis += out.observe(linear, near.velocity(), power_density);
+    if (!is_ball_ || !sighting.size || !out.has_size()) continue;
+    const MeasuredSize& size = *sighting.size;
+    const double size_nis = out.observe_size({.row = linear.row,
+                                              .log_off = std::log(size.radius_px / at->radius_px),
+                                              .variance = size.log_sigma * size.log_sigma,
+                                              .bias_sigma = size.log_bias,
+                                              .linearised_at = then,
+                                              .ray = linear.ray},
+                                             near.velocity(), power_density);
+    is_size_consistent_ = std::sqrt(size_nis) <= sighting_tuning.prediction_sigmas;
   }
   mean_nis_ = views_.empty() ? 1 : nis / (2 * double(views_.size()));
   return out;
@@ -41,8 +57,9 @@ MotionState MotionObserver::observed(const MotionState& from, const MotionState*
 MotionState MotionObserver::observed_in_passes(const MotionState& from, std::span<const Sighting> sightings,
                                                double power_density) {
   MotionState out = observed(from, nullptr, sightings, power_density);
+  if (from.has_size()) return out;
   Eigen::Vector3d before = from.position() + capture::seconds(out.at - from.at) * from.velocity();
-  for (int iteration = 0; iteration < motion_observer.max_passes; ++iteration) {
+  for (int iteration = 0; iteration < max_passes; ++iteration) {
     const double moved_m = (out.position() - before).norm();
     if (moved_m < (iteration == 0 ? motion_observer.first_radii : motion_observer.next_radii) * radius_m_) break;
     before = out.position();

@@ -28,6 +28,8 @@ struct MotionTuning {
   double min_latency_sigma_s = 3e-4;  // s
   double min_readout_sigma_s = 8e-4;  // s
   double bias_length_m = 0.5;         // m, correlation length of the image bias: half a metre on, the light is another
+  double size_sigma = 0.02;           // of the log of the object's radius over the configured one: a millimetre of 50
+  double size_loss = 1.345;           // sigmas, Huber's loss of a measured radius: 95 % efficiency (Huber 1981)
   double relinearize_s = 0.005;       // s, error of a time from which velocity times time must be linearised again
 };
 constexpr MotionTuning motion_tuning{};
@@ -57,7 +59,7 @@ MotionState::MotionState(const calib::CameraRig& rig, bool times_are_learnt) : t
     throw std::invalid_argument(
         fmt::format("a tracker takes at most {} cameras, this rig has {}", max_cameras, rig.cameras.size()));
   const auto cameras = static_cast<Eigen::Index>(rig.cameras.size());
-  const Eigen::Index n = 6 + (times_are_learnt ? 4 : 2) * cameras;
+  const Eigen::Index n = 6 + (times_are_learnt ? 4 : 2) * cameras + (cameras == 1 ? 2 : 0);
   mean_ = Eigen::VectorXd::Zero(n);
   covariance_ = Eigen::MatrixXd::Zero(n, n);
   if (n > most_states_near) gains_ = seen_ = Eigen::MatrixXd::Zero(n, most_open);
@@ -78,6 +80,7 @@ MotionState::MotionState(const calib::CameraRig& rig, bool times_are_learnt) : t
     given_.push_back(given);
   }
   biases_.resize(given_.size());
+  if (has_size()) covariance_(size_at(), size_at()) = motion_tuning.size_sigma * motion_tuning.size_sigma;
   clocks_.resize(given_.size());
 }
 
@@ -204,9 +207,14 @@ void MotionState::begin(capture::Timestamp when, const Eigen::Vector3d& position
   covariance_.diagonal().head<3>().setConstant(position_variance);
   covariance_.diagonal().segment<3>(3).setConstant(velocity_variance);
   const Eigen::Index biases = 2 * static_cast<Eigen::Index>(given_.size());
-  mean_.tail(biases).setZero();
-  covariance_.bottomRows(biases).setZero();
+  mean_.segment(bias_of(0), biases).setZero();
+  covariance_.middleRows(bias_of(0), biases).setZero();
   biases_.assign(given_.size(), {});
+  if (!has_size()) return;
+  mean_(size_bias_at()) = 0;
+  covariance_.row(size_bias_at()).setZero();
+  covariance_.row(size_at()).segment(bias_of(0), biases).setZero();
+  size_bias_sigma_ = size_path_m_ = 0;
 }
 
 void MotionState::reset_bias(int camera) {
@@ -229,6 +237,7 @@ void MotionState::predict_to(capture::Timestamp when, double power_density) {
   covariance_.leftCols<3>() += dt * covariance_.middleCols<3>(3);
   const double path_m = dt * velocity().norm();
   for (Bias& bias : biases_) bias.path_m += path_m;
+  size_path_m_ += path_m;
   const double q = power_density;
   covariance_.diagonal().head<3>().array() += q * dt * dt * dt / 3;
   covariance_.diagonal().segment<3>(3).array() += q * dt;
@@ -410,9 +419,83 @@ double MotionState::observe(const LinearSighting& sighting, const Eigen::Vector3
   const Eigen::Matrix2d s = onto(by, px_with_state) * j.transpose() + px_with_state.middleCols<2>(bias_at) +
                             j * unmodelled(by, power_density) * j.transpose() + sighting.covariance;
   const Eigen::Matrix2d information = s.inverse();
-  using Row = Eigen::Matrix<double, Eigen::Dynamic, 2, Eigen::ColMajor, most_states, 2>;
-  const Row gain = information.lazyProduct(px_with_state).transpose();
-  const Row px_of_state = px_with_state.transpose();
+  const Eigen::Matrix<double, 6, 1> before = mean_.head<6>();
+  apply(information.lazyProduct(px_with_state).transpose(), px_with_state.transpose(), innovation);
+  if (has_size()) scale_with_distance(mean_.head<6>() - before, sighting.ray);
+  return innovation.dot(information * innovation);
+}
+
+// What one camera measures, angles and a ratio of radii, says nothing of scale: if the object is by a share s farther
+// than estimated, the step of position and velocity that a measurement has just caused is by s too short. Without this
+// part of the covariance, a series of measurements would seem to fix the scale (Huang, Mourikis, Roumeliotis 2010: what
+// is not observable must stay so). P <- T P T^T, T = I + step (ray / |ray|^2)^T.
+void MotionState::scale_with_distance(const Eigen::Matrix<double, 6, 1>& step, const Eigen::Vector3d& ray) {
+  const Eigen::Vector3d by = ray / ray.squaredNorm();
+  const Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, most_states, 1> with_share =
+      covariance_.leftCols<3>() * by;
+  const Eigen::Matrix<double, 6, 1> motion_with_share = with_share.head<6>();
+  covariance_.leftCols<6>() += with_share * step.transpose();
+  covariance_.topLeftCorner<6, 6>() += step * (motion_with_share + by.dot(with_share.head<3>()) * step).transpose();
+}
+
+// First-order Gauss-Markov process along the path, as propagate_bias().
+void MotionState::propagate_size_bias(double sigma) {
+  const Eigen::Index bias = size_bias_at();
+  const bool is_first = size_bias_sigma_ == 0;
+  const double faded = std::exp(-size_path_m_ / motion_tuning.bias_length_m);
+  const double kept = is_first ? 0.0 : faded * sigma / size_bias_sigma_;
+  mean_(bias) *= kept;
+  covariance_.row(bias) *= kept;
+  covariance_(bias, bias) = covariance_(bias, bias) * kept + (is_first ? 1.0 : 1 - faded * faded) * sigma * sigma;
+  size_bias_sigma_ = sigma, size_path_m_ = 0;
+}
+
+MotionState::SizeMoments MotionState::size_moments(const SeenBy& by, const Eigen::Vector3d& ray,
+                                                   double power_density) const {
+  // The radius in the image is the radius over the distance.
+  const Eigen::Vector3d gradient = -ray / ray.squaredNorm();
+  SizeMoments out;
+  const WithState<2> of_size = two_rows(size_at());
+  out.with_state = gradient.transpose() * covariance_with_state(by) + of_size.colwise().sum();
+  Eigen::Vector3d with_place = out.with_state.head<3>().transpose() + by.dt * out.with_state.segment<3>(3).transpose();
+  if (times_are_learnt_) {
+    const Eigen::Index latency = latency_of(by.row.camera);
+    with_place += (by.row.below_middle * out.with_state(latency + 1) - out.with_state(latency)) * by.v;
+  }
+  out.variance = with_place.dot(gradient) + out.with_state(size_at()) + out.with_state(size_bias_at()) +
+                 gradient.dot(unmodelled(by, power_density) * gradient);
+  return out;
+}
+
+double MotionState::observe_size(const LinearSize& size, const Eigen::Vector3d& velocity, double power_density) {
+  by_nuisances_.reset();
+  const SeenRow& row = size.row;
+  propagate_size_bias(size.bias_sigma);
+  const SeenBy by{row, capture::seconds(row.at - at), velocity};
+  const double later_s = row_offset_s(row.camera, row.below_middle) - row.shift_s;
+  const Eigen::Vector3d off_place = position() + by.dt * this->velocity() + later_s * velocity - size.linearised_at;
+  const double innovation =
+      size.log_off - log_size() - mean_(size_bias_at()) + size.ray.dot(off_place) / size.ray.squaredNorm();
+  const SizeMoments expected = size_moments(by, size.ray, power_density);
+  const double s = expected.variance + size.variance;
+  const double nis = innovation * innovation / s;
+  const double weight = std::min(1.0, motion_tuning.size_loss / std::sqrt(nis));
+  // The second one of the pair that apply() takes measures nothing.
+  Columns gain = Columns::Zero(this->size(), 2), of_state = Columns::Zero(this->size(), 2);
+  gain.col(0) = expected.with_state.transpose() * (weight / s);
+  of_state.col(0) = expected.with_state.transpose();
+  const Eigen::Matrix<double, 6, 1> before = mean_.head<6>();
+  apply(gain, of_state, {innovation, 0});
+  scale_with_distance(mean_.head<6>() - before, size.ray);
+  return nis;
+}
+
+std::pair<double, double> MotionState::expected_log_size(const SeenRow& row, const Eigen::Vector3d& ray) const {
+  const SeenBy by{row, capture::seconds(row.at - at), velocity()};
+  return {log_size() + mean_(size_bias_at()), std::sqrt(std::max(0.0, size_moments(by, ray, 0).variance))};
+}
+
+void MotionState::apply(const Columns& gain, const Columns& px_of_state, const Eigen::Vector2d& innovation) {
   const Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, most_states, 1> variance_before =
       covariance_.diagonal();
   mean_.noalias() += gain.lazyProduct(innovation);
@@ -437,7 +520,6 @@ double MotionState::observe(const LinearSighting& sighting, const Eigen::Vector3
       keep(latency_of(c) + 1, motion_tuning.min_readout_sigma_s);
     }
   }
-  return innovation.dot(information * innovation);
 }
 
 Eigen::Matrix<double, 6, 6> MotionState::by_nuisances() const {

@@ -3,8 +3,10 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "calib/model/camera_rig.h"
@@ -31,6 +33,17 @@ struct LinearSighting {
   Eigen::Vector3d linearised_at;                        // a position near the object's at row.at, metres
   Eigen::Vector2d px_expected;                          // its projection
   Eigen::Matrix<double, 2, 3> jacobian;                 // d px / d p_world there, px/m
+  Eigen::Vector3d ray;                                  // from the camera's centre to linearised_at, m
+};
+
+// A measurement of the object's radius in an image, and so of its distance, linearised in the logarithm.
+struct LinearSize {
+  SeenRow row;
+  double log_off = 0;             // log of the measured radius over that expected at linearised_at
+  double variance = 0;            // of the log, independent in every frame
+  double bias_sigma = 0;          // 1 sigma of the log's slowly varying bias
+  Eigen::Vector3d linearised_at;  // a position near the object's at row.at, metres
+  Eigen::Vector3d ray;            // from the camera's centre to linearised_at, m
 };
 
 // Variance and standard deviation along the least certain axis; >= 0.
@@ -43,6 +56,8 @@ double largest_sigma(const Eigen::Matrix3d& covariance);
 //   per camera, latency, readout    s, corrections to the frames' own times; only where times are learnt
 //   per camera, image bias          px, 2 coordinates: shading, pose error; a Gauss-Markov process along the object's
 //   path
+//   with one camera, size, size bias  log of the object's radius over the configured one, constant; log of the bias of
+//                                   the radius in the image, by blur and shading: the same kind of process
 // A sighting in row r measures position + (t - at) velocity at t = its time - latency + below_middle * readout.
 // thread-compatible.
 class MotionState {
@@ -101,6 +116,14 @@ class MotionState {
   // Kalman update; returns the normalised innovation squared (2 dof). A sighting from before `at` is compared with the
   // position then, process noise included. velocity: at which position and time are linearised.
   double observe(const LinearSighting& sighting, const Eigen::Vector3d& velocity, double power_density);
+  // With one camera: the same for a radius (1 dof), robustly, as something may hide a part of the object.
+  double observe_size(const LinearSize& size, const Eigen::Vector3d& velocity, double power_density);
+  // With one camera: mean and sigma of the log of the radius in the image over that of a ball of the configured radius
+  // at position_at(row.at). ray: from the camera's centre to there.
+  std::pair<double, double> expected_log_size(const SeenRow& row, const Eigen::Vector3d& ray) const;
+  bool has_size() const { return given_.size() == 1; }
+  double log_size() const { return mean_(size_at()); }
+  double log_size_sigma() const { return std::sqrt(covariance_(size_at(), size_at())); }
   // The timing has moved far from where velocity * time was linearised: the covariance is too small.
   bool needs_relinearisation() const;
   void relinearise_times_at(const MotionState& known);  // at its means, from the next observe() on
@@ -121,7 +144,11 @@ class MotionState {
  private:
   Eigen::Index size() const { return mean_.size(); }
   Eigen::Index latency_of(int camera) const { return 6 + 2 * camera; }
-  Eigen::Index bias_of(int camera) const { return size() - 2 * static_cast<Eigen::Index>(given_.size()) + 2 * camera; }
+  Eigen::Index bias_of(int camera) const {
+    return size() - 2 * static_cast<Eigen::Index>(given_.size()) - (has_size() ? 2 : 0) + 2 * camera;
+  }
+  Eigen::Index size_at() const { return size() - 2; }
+  Eigen::Index size_bias_at() const { return size() - 1; }
   // y = position + dt velocity + v (below_middle readout - latency), linear in the state.
   struct SeenBy {
     const SeenRow& row;
@@ -141,6 +168,17 @@ class MotionState {
   Eigen::Matrix<double, 6, 6> by_nuisances() const;
   // Process noise between the row and `at`, second order of velocity * time, and uncertain given times.
   Eigen::Matrix3d unmodelled(const SeenBy& by, double power_density) const;
+  // Of the log of the radius in the image.
+  struct SizeMoments {
+    Eigen::RowVectorXd with_state;
+    double variance;
+  };
+  SizeMoments size_moments(const SeenBy& by, const Eigen::Vector3d& ray, double power_density) const;
+  // Kalman update; of_state: covariance of the state with what is measured.
+  using Columns = Eigen::Matrix<double, Eigen::Dynamic, 2, Eigen::ColMajor, most_states, 2>;
+  void apply(const Columns& gain, const Columns& of_state, const Eigen::Vector2d& innovation);
+  void scale_with_distance(const Eigen::Matrix<double, 6, 1>& step, const Eigen::Vector3d& ray);
+  void propagate_size_bias(double sigma);
   void propagate_bias(int camera, double bias_sigma_px, const Eigen::Matrix2d& inflation);
   // Of the clock that stamps a camera's frames against that of the reference camera; 0 where it is the same one.
   double relative_clock_variance_s2(int camera) const;
@@ -174,7 +212,8 @@ class MotionState {
     double path_m = 0;                                    // since then
     Eigen::Matrix2d inflation = Eigen::Matrix2d::Zero();  // at the last sighting
   };
-  std::vector<Bias> biases_;  // per camera
+  std::vector<Bias> biases_;                      // per camera
+  double size_bias_sigma_ = 0, size_path_m_ = 0;  // at the last measured radius (0: there was none), and since then
 };
 
 }  // namespace huetrack::object_tracking

@@ -101,16 +101,21 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionState& state, c
   const Eigen::Vector3d ray = there - view.camera->centre();
   const double distance = ray.norm();
   const double depth_sigma = std::sqrt(std::max(0.0, ray.dot(state.position_covariance() * ray))) / distance;
-  const bool is_size_known = of.log_size_weight >= outline_sighter.min_sizes;
+  // With one camera, the filter knows the size in the image better than the distance.
+  const auto [usual_size, usual_sigma] =
+      state.has_size() ? state.expected_log_size(expected.row, ray) : std::pair(of.log_size, depth_sigma / distance);
+  const bool is_size_known = state.has_size() ? usual_sigma < outline_sighter.unknown_log_size
+                                              : of.log_size_weight >= outline_sighter.min_sizes;
   outline::FitOptions options;
   options.most_steps = outline_sighter.max_steps;
   // Until a fit succeeds, the target's radius and the region's are tried in turn: either may be wrong.
   const double log_size = of.log_size_weight == 0 && of.begins_at_region
                               ? std::log(std::max(1.0, sighting.radius_px) / expected.at.radius_px)
-                              : of.log_size;
-  options.log_size = {log_size,
-                      std::hypot(is_size_known ? outline_sighter.known_log_size : outline_sighter.unknown_log_size,
-                                 depth_sigma / distance)};
+                              : usual_size;
+  const double size_sigma = is_size_known ? outline_sighter.known_log_size : outline_sighter.unknown_log_size;
+  options.log_size = {log_size, std::hypot(size_sigma, usual_sigma)};
+  // Share of a deviation that is the outline's, not the distance's: something hides a part, or adds to it.
+  const double by_outline = state.has_size() ? std::pow(size_sigma / options.log_size.sigma, 2) : 1.0;
   options.light_correlation = std::exp(-(there - of.lit_at).norm() / outline_sighter.same_light_m -
                                        capture::seconds(expected.row.at - of.lit_when) / outline_sighter.same_light_s);
   options.may_hold_light = is_size_known && options.light_correlation >= outline_sighter.held_light;
@@ -133,8 +138,8 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionState& state, c
   sharp.px = fit.centre - (ball->ellipse.centre - ball->centre_px);
   const double moved_px = (sharp.px - of.px).norm();
   of.still = std::exp(-moved_px / outline_error.same_place_px);
-  const double off_size = fit.log_size.value - of.log_size;
-  const double by_size = is_size_known ? outline_error.centre_per_size * radius_px * off_size : 0.0;
+  const double off_size = fit.log_size.value - usual_size;
+  const double by_size = is_size_known ? outline_error.centre_per_size * radius_px * by_outline * off_size : 0.0;
   // pixel_noise_px is a region's; what it has over its default is the rig's error.
   constexpr double region_px = ObjectTrackerOptions::default_pixel_noise_px;
   const double rig_px2 = std::max(0.0, pixel_noise_px_ * pixel_noise_px_ - region_px * region_px);
@@ -142,7 +147,10 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionState& state, c
   const double new_px2 = e.new_px * e.new_px + e.new_share * e.new_share * radius_px * radius_px;
   sharp.covariance = e.fit_inflation * fit.covariance;
   sharp.covariance.diagonal().array() += (1 - of.still) * new_px2 + by_size * by_size + rig_px2;
-  const double wrong_px = radius_px * std::abs(is_size_known ? of.log_size : fit.log_size.value);
+  const double wrong_px = radius_px * by_outline *
+                          std::abs(!is_size_known     ? fit.log_size.value
+                                   : state.has_size() ? off_size
+                                                      : of.log_size);
   const double one_sided_px = std::max(0.0, wrong_px - e.even_size_px);
   sharp.bias_sigma_px = std::sqrt(e.bias_px * e.bias_px + e.bias_share * e.bias_share * radius_px * radius_px +
                                   of.still * new_px2 + e.bias_of_fit * e.bias_of_fit * fit.covariance.trace() / 2 +
@@ -155,10 +163,21 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionState& state, c
   if (off.dot(total.inverse() * off) > sighting_tuning.gate_nis ||
       to_region.dot((of_region + sharp.covariance).inverse() * to_region) > sighting_tuning.gate_nis)
     return false;
-  if (fit.visible > outline_sighter.size_visible_share && fit.log_size.sigma < outline_sighter.size_sigma) {
+  const double lasting = std::hypot(e.size_bias_px / radius_px, e.bias_of_fit * fit.log_size.sigma);
+  const bool has_size =
+      fit.visible > outline_sighter.size_visible_share && fit.log_size.sigma < outline_sighter.size_sigma;
+  sharp.size.reset();
+  // The middle of a soft edge that curves lies further in by s^2 / 2r, which the fit's straight edge profile takes for
+  // size. s: half of what is known of the size is by light, half by chroma.
+  const double soft2 = std::exp(2 * of.look.log_blur_light.value) + 0.5 * std::exp(2 * of.look.log_blur_chroma.value);
+  if (has_size)
+    sharp.size = {.radius_px = radius_px * std::exp(fit.log_size.value) + 0.5 * soft2 / radius_px,
+                  .log_sigma = std::sqrt(e.fit_inflation * fit.log_size.sigma * fit.log_size.sigma +
+                                         (1 - of.still) * new_px2 / (radius_px * radius_px)),
+                  .log_bias = std::hypot(lasting, sighting.narrowed)};
+  if (has_size && !state.has_size()) {
     of.log_size_weight = std::min(outline_sighter.size_memory, of.log_size_weight + 1);
     of.log_size += off_size / of.log_size_weight;
-    const double lasting = std::hypot(e.size_bias_px / radius_px, e.bias_of_fit * fit.log_size.sigma);
     of.size_variance += (lasting * lasting - of.size_variance) / of.log_size_weight;
   }
   if ((sharp.covariance.trace() + 2 * sharp.bias_sigma_px * sharp.bias_sigma_px) >

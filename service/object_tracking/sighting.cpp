@@ -29,6 +29,10 @@ struct RayCrossingTuning {
 };
 constexpr RayCrossingTuning ray_crossing{};
 
+// maths: 1 sigma of log(length / width) of a disc whose radius is one chroma sample; each sample on the edge is in or
+// out as a whole. Falls with the radius to the power of 3/2.
+constexpr double width_noise = 0.4;
+
 constexpr double parallel_sine2 = 1e-6;  // maths: below it two rays' crossing is ill-conditioned
 
 // Midpoint of the shortest line between two rays; nullopt when they are nearly parallel or meet behind a camera.
@@ -80,6 +84,26 @@ class RayCrosser {
         !fits(j, *b.region, *in_j, sighting_tuning.start_disc_share))
       return std::nullopt;
     return p;
+  }
+
+  // With one camera: a disc, at the distance that its size gives. nullopt: outside of the volume, or no disc.
+  std::optional<PositionCandidate> by_size(const RegionRay& a) const {
+    const calib::Camera& camera = *views_.front().camera;
+    const auto at_one_metre = project_ball(camera, camera.centre() + a.direction, target_.radius_m);
+    if (!at_one_metre) return std::nullopt;
+    const double distance_m = at_one_metre->radius_px / disc_radius(a.region->area);
+    PositionCandidate c;
+    c.position = camera.centre() + distance_m * a.direction;
+    const auto at = project_ball(camera, c.position, target_.radius_m);
+    if (!at || !inside(options_.volume, c.position, target_.radius_m)) return std::nullopt;
+    c.sightings.push_back(sighting_at(0, *a.region, *at));
+    const Sighting& s = c.sightings.front();
+    if (!s.size || !has_disc_shape(s)) return std::nullopt;
+    const PositionInformation across = information_of(std::vector{set_apart(s, *at)}, c.position);
+    const double along_m = distance_m * std::hypot(s.size->log_sigma, s.size->log_bias);
+    c.covariance = (across.information + a.direction * a.direction.transpose() / (along_m * along_m)).inverse();
+    c.score = s.support;
+    return c;
   }
 
   // nullopt: fewer than two views are consistent with it.
@@ -247,6 +271,18 @@ Sighting sighting_of(const TargetView& view, const color::ColorRegion& region, d
   }
   s.covariance = axes.eigenvectors() * variance.asDiagonal() * axes.eigenvectors().transpose() + region.of_disc;
   s.support = std::min(1.0, region.area / (std::numbers::pi * radius_px * radius_px));
+  // What is not as wide as long, after the smear, is partly hidden.
+  const double length_px = 2 * std::sqrt(std::max(0.0, axes.eigenvalues()(1))) -
+                           0.5 * std::abs(axes.eigenvectors().col(1).dot(motion.velocity)) * motion.longest_exposure_s;
+  const double width_px = 2 * std::sqrt(std::max(0.0, axes.eigenvalues()(0)));
+  const double coarseness = sample_px(*view.image) / std::max(1.0, radius_px);
+  const double by_chance = 2 * width_noise * coarseness * std::sqrt(coarseness);  // 2 sigma
+  s.narrowed = std::max(0.0, std::log(std::max(1.0, length_px) / std::max(1.0, width_px)) - by_chance);
+  const double log_bias = std::hypot(sighting_tuning.region_size_sigma, s.narrowed);
+  if (!region.of_disc.any() && log_bias < 2 * sighting_tuning.region_size_sigma)
+    s.size = {.radius_px = s.radius_px,
+              .log_sigma = std::sqrt(usual.noise_px2) / std::max(1.0, s.radius_px),
+              .log_bias = log_bias};
   if (region.of_disc.any()) {
     // What hides a part of a disc in a room that shares the colour is mostly a hand that moves along: the error lasts.
     s.hidden_px = sighting_tuning.cut_error * (1 - s.support) * radius_px;
@@ -303,6 +339,11 @@ std::vector<PositionCandidate> cross_rays(const std::vector<TargetView>& views,
   for (std::size_t i = 0; i < views.size(); ++i) rays.push_back(crosser.rays_of(i));
 
   std::vector<PositionCandidate> out;
+  if (views.size() == 1 && target.shape != TargetShape::blob) {
+    for (const RegionRay& ray : rays.front()) {
+      if (auto c = crosser.by_size(ray)) out.push_back(std::move(*c));
+    }
+  }
   const auto consider = [&](std::size_t i, const RegionRay& a, std::size_t j, const RegionRay& b) {
     const auto start = crosser.meeting(i, a, j, b);
     if (!start) return;

@@ -38,6 +38,13 @@ std::optional<BallProjection> project_ball(const calib::Camera& camera, const Ei
 Eigen::Matrix2d px_covariance_of_pose(const calib::Camera& camera, const Eigen::Vector3d& p_world,
                                       const BallProjection& at, const Eigen::Matrix<double, 6, 6>& pose_covariance);
 
+// A ball's radius as a view measures it; its distance follows.
+struct MeasuredSize {
+  double radius_px = 0;
+  double log_sigma = 0;  // of the radius' logarithm: independent in every frame
+  double log_bias = 0;   // 1 sigma of the logarithm's bias, which stays while the object rests
+};
+
 struct Sighting {
   SeenRow row;
   const calib::Camera* camera = nullptr;
@@ -48,6 +55,8 @@ struct Sighting {
   double hidden_px = 0;                               // of it, by what hides a part of a disc (DiscFinder)
   double support = 0;                                 // 0..1, share of the expected disc that has the target's colour
   double radius_px = 0;                               // of the disc of the region's area
+  std::optional<MeasuredSize> size;                   // nullopt: not measured, or a part is hidden
+  double narrowed = 0;                                // log of the region's length over its width, less the smear
   Eigen::Matrix2d of_pose = Eigen::Matrix2d::Zero();  // px^2, bias by CameraTrust::pose_covariance
   double inflation_px2 = 0;                           // px^2, bias by inconsistency with other views
   bool is_cut = false;      // masked static clutter may hide a part of it: excluded from consistency tests
@@ -78,7 +87,8 @@ struct SightingTuning {
   double repeat_px = 1;           // px, motion that changes a region of 100 px visibly: else the frame is a repeat
   double misfit_share = 0.2;      // of the radius, 1 sigma: shape noise of a small disc's outline (experiment)
   double cut_error = 0.85;        // radii of error per missing share: an edge leaves 0.42 at half, 0.65 at a quarter
-  double whole_share = 0.9;       // share of the expected area from which a disc counts as unoccluded
+  double region_size_sigma = 0.1;  // of the log of a region's radius: dark edges do not match; 0.1 rms (experiment)
+  double whole_share = 0.9;        // share of the expected area from which a disc counts as unoccluded
 };
 inline constexpr SightingTuning sighting_tuning{};
 
@@ -125,13 +135,14 @@ std::optional<Eigen::Vector3d> crossing(const calib::Camera& camera0, const cali
 struct PositionCandidate {
   Eigen::Vector3d position;
   Eigen::Matrix3d covariance;
-  std::vector<Sighting> sightings;  // two or more
+  std::vector<Sighting> sightings;  // two or more; with one camera, one
   double score = 0;                 // sum of supports, less 0.25 per view that should see it and does not
   int sets = 1;                     // consecutive frame sets in which it was found
 };
 
 // Triangulates each pair of regions in two views whose rays meet inside the volume at a distance that fits their sizes;
-// refines and scores it over all consistent views. Best first, at most max_count. regions[i] belongs to views[i]. Of
+// refines and scores it over all consistent views. With one camera, a ball's size gives its distance. Best first, at
+// most max_count. regions[i] belongs to views[i]. Of
 // `times` only the cameras' timing is used.
 std::vector<PositionCandidate> cross_rays(const std::vector<TargetView>& views,
                                           std::span<const std::vector<color::ColorRegion>> regions,

@@ -74,6 +74,8 @@ struct ObjectTrackerOptions {
   // > 0; upper bound of the sigma (largest axis) by measurement noise in `tracking`, else `coasting`. Uncertain timing
   // and poses come on top of that in the covariance.
   double max_tracking_sigma_m = 0.03;
+  // > 0; the same along the ray of the only view that sees the object: its distance is known by its size.
+  double max_tracking_sigma_along_m = 0.3;
   // --- both
   double coast_s = 1.0;            // > 0; coasting longer than this is lost
   double max_coast_sigma_m = 0.2;  // > 0; sigma (largest axis) above which coasting is lost

@@ -79,6 +79,7 @@ struct Scene {
       ASSERT_TRUE(appearance);
       seen.px_expected = appearance->px;
       seen.jacobian = appearance->jacobian;
+      seen.ray = seen.linearised_at - camera.centre();
       state.observe(seen, state.velocity(), q);
     }
   }
@@ -159,6 +160,7 @@ TEST(MotionState, LearnsNoTimesFromARestingObject) {
     ASSERT_TRUE(appearance);
     seen.px_expected = appearance->px;
     seen.jacobian = appearance->jacobian;
+    seen.ray = seen.linearised_at - camera.centre();
     state.observe(seen, is_start ? Vector3d(Vector3d::Zero()) : state.velocity(), q);
   }
   for (int c = 1; c < 3; ++c) {
@@ -274,6 +276,91 @@ TEST(MotionState, FixedTimesAddTheirUncertainty) {
   EXPECT_EQ(state.timing(2).latency_s, 0.01);
   EXPECT_EQ(state.row_offset_s(1, 0.4), 0);
   EXPECT_NEAR(state.row_sigma_s(1, 0), 0.003, 1e-12);
+}
+
+// One camera and a ball whose radius is off by exp(scale) from the configured one; the radius in the image has a bias
+// that fades along the path.
+struct SizedScene {
+  std::mt19937 random;
+  calib::CameraRig rig;
+  double scale, bias = 0;
+  static constexpr double noise_px = 0.1, size_noise = 0.01, size_bias = 0.015, bias_length_m = 0.5, q = 40;
+
+  explicit SizedScene(unsigned seed) : random(seed), scale(0.02 * normal()) {
+    rig.cameras = {camera_at("a", {3, 0, 2})};
+  }
+  double normal() { return std::normal_distribution<double>()(random); }
+  void run(MotionState& state, double from_s, double to_s) {
+    const calib::Camera& camera = rig.cameras[0];
+    Vector3d before = Scene::position(from_s);
+    for (double t = from_s; t < to_s; t += 1.0 / 30) {
+      const Vector3d p = Scene::position(t);
+      const double kept = t == from_s ? 0 : std::exp(-(p - before).norm() / bias_length_m);
+      before = p;
+      bias = kept * bias + std::sqrt(1 - kept * kept) * size_bias * normal();
+      state.predict_to(at(t), q);
+      const SeenRow row{.camera = 0, .below_middle = 0, .at = at(t)};
+      const Vector3d near = state.position();
+      const auto expected = project_ball(camera, near, 0.04), true_ball = project_ball(camera, p, 0.04);
+      ASSERT_TRUE(expected && true_ball);
+      state.observe({.row = row,
+                     .px = true_ball->px + noise_px * Vector2d(normal(), normal()),
+                     .covariance = noise_px * noise_px * Eigen::Matrix2d::Identity(),
+                     .bias_sigma_px = 0.01,
+                     .linearised_at = near,
+                     .px_expected = expected->px,
+                     .jacobian = expected->jacobian,
+                     .ray = near - camera.centre()},
+                    state.velocity(), q);
+      state.observe_size(
+          {.row = row,
+           .log_off = std::log(true_ball->radius_px / expected->radius_px) + scale + bias + size_noise * normal(),
+           .variance = size_noise * size_noise,
+           .bias_sigma = size_bias,
+           .linearised_at = near,
+           .ray = near - camera.centre()},
+          state.velocity(), q);
+    }
+  }
+  Vector3d off(const MotionState& state) const {
+    return state.position() - Scene::position(capture::seconds(state.at.time_since_epoch()));
+  }
+};
+
+MotionState sized_state(const calib::CameraRig& rig) {
+  MotionState state(rig, false);
+  state.begin(at(0), Scene::position(0), 0.04, Vector3d::Zero(), 9);
+  return state;
+}
+
+// In 20 s of motion nothing may be learnt of the scale: what is not observable stays as uncertain as it was.
+TEST(MotionState, OneCameraAndTheSizeGiveThePlaceWithAnHonestCovariance) {
+  double nees = 0, along = 0, sigma_along = 0, sigma_size = 0;
+  constexpr int runs = 200;
+  for (unsigned seed = 0; seed < runs; ++seed) {
+    SizedScene scene(seed);
+    MotionState state = sized_state(scene.rig);
+    scene.run(state, 0, 20);
+    const Vector3d off = scene.off(state), ray = state.position() - scene.rig.cameras[0].centre();
+    nees += off.dot(state.position_covariance().ldlt().solve(off)) / runs;
+    along += off.dot(ray) / ray.squaredNorm() / runs;
+    sigma_along += std::sqrt(ray.dot(state.position_covariance() * ray)) / ray.squaredNorm() / runs;
+    sigma_size += state.log_size_sigma() / runs;
+  }
+  EXPECT_NEAR(nees, 3, 0.7);  // 4 sigma of the mean of 200 values of chi-square with 3 dof
+  EXPECT_NEAR(along, 0, 4 * sigma_along / std::sqrt(runs)) << "share of the distance";
+  EXPECT_NEAR(sigma_size, 0.02, 0.002);
+}
+
+TEST(MotionState, ASizeThatContradictsMovesLittleAtOnce) {
+  SizedScene scene(1);
+  MotionState state = sized_state(scene.rig);
+  scene.run(state, 0, 2);
+  const double before = state.log_size();
+  scene.scale -= 0.25;  // a hand hides a part
+  scene.run(state, 2, 2.01);
+  EXPECT_LT(scene.off(state).norm(), 0.2) << "a quarter of the distance is 0.7 m";
+  EXPECT_NEAR(state.log_size(), before, 0.01);
 }
 
 }  // namespace

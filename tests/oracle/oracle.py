@@ -28,6 +28,7 @@ try:
     import figures
     import many_figures
     import mistakes
+    import one_camera
 except ImportError as missing:
     print(f"oracle: skipped: {missing}. Install python3-numpy python3-scipy python3-yaml python3-opencv")
     sys.exit(SKIPPED)
@@ -148,6 +149,16 @@ def faults(scene, text):
     if moved:
         out["right"] = len(reported & moved)
     return out
+
+
+def one(folder, camera, target="ball"):
+    """One camera of a recording alone."""
+    def case(programs):
+        scene = folder()
+        rows, ball, radius_m, rig = one_camera.replayed(programs.huetrackd, scene, target, [camera])
+        out = one_camera.measured(rows, figures.Truth(scene, ball, 0.5), rig, radius_m)
+        return {name: out[name] for name in ("tracking_pct", "far", "across_mm", "along_pct", "nees", "inside95_pct") if name in out}
+    return case
 
 
 def many(folder, count):
@@ -274,6 +285,8 @@ CASES = {
     "bumped_tell": objects(lambda: shared("rendered/bumped"), watch="tell"),
     "bumped_leave_out": objects(lambda: shared("rendered/bumped"), watch="leave out"),
     "bumped_mend": objects(lambda: shared("rendered/bumped"), watch="mend"),
+    "one_camera": one(lambda: shared("rendered/two_cams"), "cam0", "lime"),
+    "one_camera_webcam": one(lambda: shared("rendered/webcams"), "cam1"),
     "red_square": real,
     "desk": camera(lambda: shared("rendered/desk"), {"rectangle": "rectangle.csv"}),
     "leds": camera(lambda: shared("rendered/leds"), {"leds": "led_positions.csv", "led_schedule": "led_frames.csv"}),

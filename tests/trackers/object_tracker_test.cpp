@@ -102,7 +102,9 @@ Outcome run(const scene::Scene& scene, const std::vector<capture::FrameSet>& set
     out.error_m.push_back(error.norm());
     out.estimates.push_back(e);
     if (e.state != TrackState::tracking) continue;
-    EXPECT_LT(error.norm(), 0.1) << "`tracking`, set " << set.number;
+    // The distance of what one view sees is by its size.
+    EXPECT_TRUE(error.norm() < 0.1 || (e.views < 2 && truth::nees(error, e.covariance) < 14.2))
+        << "`tracking`, set " << set.number << ", off by " << error.norm();
     if (out.lock == 1000) out.lock = out.estimates.size();
     const double nees = truth::nees(error, e.covariance);
     sum2 += error.squaredNorm(), out.mean_nees += nees, out.share_inside_95 += nees < 7.815 ? 1 : 0, ++n;
@@ -613,14 +615,22 @@ TEST_P(BothObservations, targetsDoNotDisturbEachOther) {
   }
 }
 
-TEST_P(BothObservations, singleCamera) {
+TEST(ObjectTracker, OneCameraTracksABallByItsSize) {
   const scene::Scene scene = ring(1).ball({}).build();
-  for (const ObjectEstimate& e :
-       track(scene, scene::render(scene, {.set_count = 20}), lime(), options_with(1, GetParam()))) {
-    if (GetParam() == Observation::huetrack) {
-      EXPECT_EQ(e.state, TrackState::searching);
-    }
-  }
+  const std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 120});
+  const Outcome o = run(scene, sets, lime(), options_with());
+  EXPECT_LE(o.lock, 30u);  // when the background around it is known
+  for (std::size_t i = o.lock; i < 120; ++i) EXPECT_EQ(o.estimates[i].state, TrackState::tracking) << i;
+  EXPECT_LT(o.mean_nees, 6);
+  EXPECT_LT(o.rms_m, 0.08);  // 0.1 px of a radius of 4 px are 2.5 % of 3 m
+}
+
+TEST(ObjectTracker, OneCameraFindsNoBlob) {
+  const scene::Scene scene = ring(1).ball({}).build();
+  TargetOptions blob = lime();
+  blob.shape = TargetShape::blob;
+  for (const ObjectEstimate& e : track(scene, scene::render(scene, {.set_count = 20}), blob, options_with()))
+    EXPECT_EQ(e.state, TrackState::searching);
 }
 
 TEST_P(BothObservations, setsWithoutFrames) {
@@ -718,6 +728,7 @@ TEST(ObjectTrackerOptions, problemsNameTheConstraint) {
            {&ObjectTrackerOptions::start_speed_m_s, "start_speed_m_s"},
            {&ObjectTrackerOptions::pixel_noise_px, "pixel_noise_px"},
            {&ObjectTrackerOptions::max_tracking_sigma_m, "max_tracking_sigma_m"},
+           {&ObjectTrackerOptions::max_tracking_sigma_along_m, "max_tracking_sigma_along_m"},
            {&ObjectTrackerOptions::coast_s, "coast_s"},
            {&ObjectTrackerOptions::max_coast_sigma_m, "max_coast_sigma_m"}}) {
     for (const double bad : {0.0, -1.0, std::nan(""), HUGE_VAL}) {

@@ -95,8 +95,9 @@ ObjectBirths::Candidate ObjectBirths::weighed(PositionCandidate at, const std::v
                                               std::span<const CoveredDisc> covered,
                                               const StaticClutterMask& still) const {
   Candidate out{.at = std::move(at)};
-  out.evidence = llr_on_line() - llr_at_place();  // the first two views make the place
-  out.evidence -= llr_at_place();
+  // The first two views make the place; with one camera its only one.
+  out.evidence = -llr_at_place();
+  if (out.at.sightings.size() > 1) out.evidence = llr_on_line() - 2 * llr_at_place();
   for (std::size_t v = 0; v < views.size(); ++v) {
     const auto in_view = project_ball(*views[v].camera, out.at.position, target_.radius_m);
     if (!in_view || !views[v].camera->contains({in_view->px})) continue;
@@ -158,7 +159,8 @@ std::vector<Birth> ObjectBirths::look(const std::vector<TargetView>& views,
                                       capture::Timestamp set_at, const MotionState& times) {
   std::vector<Birth> out;
   const auto with_regions = std::ranges::count_if(regions, [](const auto& some) { return !some.empty(); });
-  if (with_regions < 2) return out;  // no evidence against the candidates either
+  if (with_regions < std::min<std::ptrdiff_t>(2, std::ssize(views)))
+    return out;  // no evidence against the candidates either
   std::vector<Candidate> now = candidates(views, regions, covered, still, times);
   const double dt = capture::seconds(set_at - before_at_);
   std::vector<Candidate> kept;

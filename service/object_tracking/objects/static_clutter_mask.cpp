@@ -112,6 +112,7 @@ void StaticClutterMask::mark_clipped(std::vector<Sighting>& sightings) const {
     if (!may_clip(std::size_t(s.row.camera), s.px, radius_px)) continue;
     s.is_cut = true;
     if (s.is_outline) continue;
+    s.size.reset();
     const double off_px = sighting_tuning.cut_error * (1 - s.support) * radius_px;
     s.covariance.diagonal().array() += off_px * off_px;
   }

@@ -41,7 +41,7 @@ ManyTracker::ManyTracker(const calib::CameraRig& rig, const TargetOptions& targe
       clutter_mask_(rig.cameras.size(), target.count),
       clutter_(rig),
       search_log_(rig.cameras.size()),
-      times_(rig, target.radius_m, options, particle_filter::Rng(options.seed, stream)),
+      times_(rig, target, options, particle_filter::Rng(options.seed, stream)),
       finders_(rig.cameras.size()),
       expected_(rig.cameras.size()),
       regions_(rig.cameras.size()),
@@ -77,7 +77,7 @@ void ManyTracker::update(const capture::FrameSet& set, std::vector<ObjectEstimat
   compare_views(views);
   for (const auto& object : objects_) follow(*object, set, views);
   end_duplicates();
-  if (views.size() >= 2) note_births(set, views);
+  if (views.size() >= std::min<std::size_t>(2, rig_.cameras.size())) note_births(set, views);
   last_at_ = set.at;
   report(set, out);
 }
@@ -259,8 +259,9 @@ void ManyTracker::follow(Object& object, const capture::FrameSet& set, const std
 // Also of an object outside of the volume: report() decides what is published.
 void ManyTracker::judge(Object& object, const capture::FrameSet& set) {
   const MotionState& motion = object.filter.motion();
-  const Judged now = judged(options_, motion, object.sightings, consistency_.inflated_sigma(motion, object.sightings),
-                            capture::seconds(set.at - object.last_tracking), true);
+  const Judged now =
+      judged(options_, object.filter, object.sightings, consistency_.inflated_sigma(motion, object.sightings),
+             capture::seconds(set.at - object.last_tracking), true);
   object.state = object.existence.is_refuted()                                      ? TrackState::lost
                  : now.state == TrackState::tracking && !object.existence.is_sure() ? TrackState::coasting
                                                                                     : now.state;
@@ -307,8 +308,8 @@ void ManyTracker::note_births(const capture::FrameSet& set, const std::vector<Ta
                                                  sighting_tuning.same_object_radii * target_.radius_m;
     });
     if (is_taken || std::ssize(objects_) >= 2 * TargetOptions::most_count) continue;
-    auto fresh = std::make_unique<Object>(rig_, target_.radius_m, options_,
-                                          particle_filter::Rng(options_.seed, stream_ + ++started_));
+    auto fresh =
+        std::make_unique<Object>(rig_, target_, options_, particle_filter::Rng(options_.seed, stream_ + ++started_));
     fresh->filter.adopt_times(objects_.empty() ? times_ : objects_.front()->filter);
     start(*fresh, birth, views, set.at);
     if (fresh->state != TrackState::lost) objects_.push_back(std::move(fresh));
@@ -351,12 +352,12 @@ void ManyTracker::start(Object& object, const Birth& birth, const std::vector<Ta
                                          object.last_published);
   if (lead_ == nullptr) consistency_.compare_found(object.filter.motion(), object.sightings);
   const double inconsistency_m = consistency_.inflated_sigma(object.filter.motion(), object.sightings);
-  const double sigma_m = std::max(judged_sigma(object.filter.motion(), object.sightings), inconsistency_m);
-  object.state = inconsistency_m > options_.max_coast_sigma_m ? TrackState::lost
-                 : sigma_m <= options_.max_tracking_sigma_m && object.existence.is_sure() &&
-                         is_localized(options_, object.filter.motion())
-                     ? TrackState::tracking
-                     : TrackState::coasting;
+  const double sigma_m = std::max(judged_sigma(options_, object.filter, object.sightings), inconsistency_m);
+  object.state =
+      inconsistency_m > options_.max_coast_sigma_m ? TrackState::lost
+      : sigma_m <= options_.max_tracking_sigma_m && object.existence.is_sure() && is_localized(options_, object.filter)
+          ? TrackState::tracking
+          : TrackState::coasting;
   object.last_tracking = set_at;
 }
 

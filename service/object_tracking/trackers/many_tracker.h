@@ -54,9 +54,9 @@ class ManyTracker {
 
  private:
   struct Object {
-    Object(const calib::CameraRig& rig, double radius_m, const object_tracking::ObjectTrackerOptions& options,
-           particle_filter::Rng rng)
-        : filter(rig, radius_m, options, rng), rig_error(rig, options.max_coast_sigma_m) {}
+    Object(const calib::CameraRig& rig, const object_tracking::TargetOptions& target,
+           const object_tracking::ObjectTrackerOptions& options, particle_filter::Rng rng)
+        : filter(rig, target, options, rng), rig_error(rig, options.max_coast_sigma_m) {}
     std::uint32_t number = 0;  // 0: not published yet
     ObjectFilter filter;
     object_tracking::RigError rig_error;

@@ -74,15 +74,15 @@ HUETRACK_CLONES void add_weights(const ViewWeights& by, std::size_t n, const flo
 
 }  // namespace
 
-ObjectFilter::ObjectFilter(const calib::CameraRig& rig, double radius_m, const ObjectTrackerOptions& options,
-                           particle_filter::Rng rng)
+ObjectFilter::ObjectFilter(const calib::CameraRig& rig, const TargetOptions& target,
+                           const ObjectTrackerOptions& options, particle_filter::Rng rng)
     : options_(options),
       rng_(rng),
       motion_(rig, options.timing == TimingMode::learn),
       about_(motion_),
       acceleration_(options.acceleration_m_s2),
-      observer_(radius_m),
-      times_(radius_m, options) {
+      observer_(target.radius_m, target.shape != TargetShape::blob),
+      times_(rig.cameras.size(), target, options) {
   scatter();
 }
 
@@ -91,6 +91,7 @@ ObjectFilter::ObjectFilter(const calib::CameraRig& rig, double radius_m, const O
 void ObjectFilter::update(std::span<const Sighting> sightings, capture::Timestamp set_at,
                           capture::Timestamp last_published, double power_density) {
   MotionState proposal = observer_.observed_in_passes(motion_, sightings, power_density);
+  note_size(sightings);
   predict_to_output(proposal, set_at, last_published, power_density);
   proposal.cache_nuisance_part();
   // Particles are positions, conditioned on the nuisance states.
@@ -161,10 +162,21 @@ std::vector<Sighting> ObjectFilter::start(const PositionCandidate& earlier, cons
     times_.remember(motion_, sightings, power_density());
   }
   times_.settle(motion_);
+  note_size(sightings);
   draw_particles(motion_.conditioned_on_nuisances());
   reset_weights();
   map_ = motion_.position();
   return sightings;
+}
+
+void ObjectFilter::note_size(std::span<const Sighting> sightings) {
+  if (observer_.is_size_consistent())
+    sizing_camera_ = *observer_.is_size_consistent() ? sightings.front().camera : nullptr;
+}
+
+std::optional<Eigen::Vector3d> ObjectFilter::ray() const {
+  if (sizing_camera_ == nullptr) return std::nullopt;
+  return (motion_.position() - sizing_camera_->centre()).normalized();
 }
 
 void ObjectFilter::forget_camera(int camera) {
@@ -331,23 +343,41 @@ void ObjectFilter::estimate(MotionState&& proposal) {
              .cast<double>();
 }
 
-double judged_sigma(const MotionState& motion, std::span<const Sighting> sightings) {
-  const double estimated_m = largest_sigma(motion.position_covariance_conditioned());
+namespace {
+
+// Largest sigma, the one along `ray` weighed as judged_sigma() says. There the uncertain size counts, too: `all`.
+double weighed_sigma(const ObjectTrackerOptions& options, const std::optional<Eigen::Vector3d>& ray,
+                     const Eigen::Matrix3d& covariance, const Eigen::Matrix3d& all) {
+  if (!ray) return largest_sigma(covariance);
+  const double weight = std::min(1.0, options.max_tracking_sigma_m / options.max_tracking_sigma_along_m);
+  const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - *ray * ray->transpose();
+  return std::max(largest_sigma(across * covariance * across), weight * std::sqrt(ray->dot(all * *ray)));
+}
+
+}  // namespace
+
+double judged_sigma(const ObjectTrackerOptions& options, const ObjectFilter& filter,
+                    std::span<const Sighting> sightings) {
+  const MotionState& motion = filter.motion();
+  const double estimated_m =
+      weighed_sigma(options, filter.ray(), motion.position_covariance_conditioned(), motion.position_covariance());
   if (sightings.size() < 2) return estimated_m;
   const PositionInformation seen = information_of(sightings, motion.position());
   return std::min(estimated_m, largest_sigma(seen.information.inverse()));
 }
 
-bool is_localized(const ObjectTrackerOptions& options, const MotionState& motion) {
-  return largest_sigma(motion.position_covariance()) <= options.max_coast_sigma_m;
+bool is_localized(const ObjectTrackerOptions& options, const ObjectFilter& filter) {
+  return weighed_sigma(options, filter.ray(), filter.motion().position_covariance(),
+                       filter.motion().position_covariance()) <= options.max_coast_sigma_m;
 }
 
-Judged judged(const ObjectTrackerOptions& options, const MotionState& motion, std::span<const Sighting> sightings,
+Judged judged(const ObjectTrackerOptions& options, const ObjectFilter& filter, std::span<const Sighting> sightings,
               double inconsistency_m, double unseen_s, bool may_be_tracked) {
-  const double sigma_m = judged_sigma(motion, sightings);
+  const MotionState& motion = filter.motion();
+  const double sigma_m = judged_sigma(options, filter, sightings);
   if (may_be_tracked && !sightings.empty() && sigma_m <= options.max_tracking_sigma_m &&
       inconsistency_m <= options.max_coast_sigma_m)
-    return {inconsistency_m <= options.max_tracking_sigma_m && is_localized(options, motion) ? TrackState::tracking
+    return {inconsistency_m <= options.max_tracking_sigma_m && is_localized(options, filter) ? TrackState::tracking
                                                                                              : TrackState::coasting,
             true};
   // No view sees it, and its prediction has left the volume.

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -20,8 +21,8 @@ namespace huetrack::object_trackers {
 // thread-compatible. Measurements are sorted by the time of their rows.
 class ObjectFilter {
  public:
-  ObjectFilter(const calib::CameraRig& rig, double radius_m, const object_tracking::ObjectTrackerOptions& options,
-               particle_filter::Rng rng);
+  ObjectFilter(const calib::CameraRig& rig, const object_tracking::TargetOptions& target,
+               const object_tracking::ObjectTrackerOptions& options, particle_filter::Rng rng);
 
   const object_tracking::MotionState& motion() const { return motion_; }
   object_tracking::MotionState& motion() { return motion_; }
@@ -58,6 +59,10 @@ class ObjectFilter {
   void update(std::span<const object_tracking::Sighting> sightings, capture::Timestamp set_at,
               capture::Timestamp last_published, double power_density);
 
+  // With one camera, the direction from it to the object, world; nullopt: several cameras, or its radius in the image
+  // was not as expected when it was measured last.
+  std::optional<Eigen::Vector3d> ray() const;
+
   void forget_camera(int camera);                      // its pose changed
   void correct_times(std::span<const double> late_s);  // MotionState::correct_times()
 
@@ -66,6 +71,7 @@ class ObjectFilter {
              capture::Timestamp set_at, double dt, bool is_in_step);
   void predict_to_output(object_tracking::MotionState& motion, capture::Timestamp set_at,
                          capture::Timestamp last_published, double power_density) const;
+  void note_size(std::span<const object_tracking::Sighting> sightings);
   void remove_inconsistent_view(std::vector<object_tracking::Sighting>& sightings);
   void draw_particles(const object_tracking::MotionState& proposal);
   void weigh(const object_tracking::MotionState& proposal, double power_density);
@@ -80,7 +86,8 @@ class ObjectFilter {
   double acceleration_ = 0;              // m/s^2, learnt
   object_tracking::MotionObserver observer_;
   TimingEstimator times_;
-  bool has_begun_ = false;  // an object was initialised: timing is being estimated
+  const calib::Camera* sizing_camera_ = nullptr;  // of ray()
+  bool has_begun_ = false;                        // an object was initialised: timing is being estimated
 
   PositionParticles particles_;
   std::vector<float> weight_, log_weight_, unit_, u_, v_;
@@ -91,11 +98,13 @@ class ObjectFilter {
 
 // What decides about the state: 1 sigma of the position along its worst axis, metres; the smaller one of the
 // estimate's, conditioned on the nuisance states, and that of this set's measurements alone (of slow cameras the
-// prediction is wide).
-double judged_sigma(const object_tracking::MotionState& motion, std::span<const object_tracking::Sighting> sightings);
+// prediction is wide). With one camera, sigma along the ray counts max_tracking_sigma_m /
+// max_tracking_sigma_along_m times.
+double judged_sigma(const object_tracking::ObjectTrackerOptions& options, const ObjectFilter& filter,
+                    std::span<const object_tracking::Sighting> sightings);
 
 // The position is known well enough to publish, all uncertainty included, that of the timing as well.
-bool is_localized(const object_tracking::ObjectTrackerOptions& options, const object_tracking::MotionState& motion);
+bool is_localized(const object_tracking::ObjectTrackerOptions& options, const ObjectFilter& filter);
 
 // The state of an object that was known before this set. It is seen if a view or more see it and together fix its
 // position; the timing's uncertainty counts only in is_localized(), inconsistent views count here. lost: end the track.
@@ -105,7 +114,7 @@ struct Judged {
 };
 // inconsistency_m: ViewConsistency::inflated_sigma(). unseen_s: since is_seen. may_be_tracked: false limits it to
 // coasting.
-Judged judged(const object_tracking::ObjectTrackerOptions& options, const object_tracking::MotionState& motion,
+Judged judged(const object_tracking::ObjectTrackerOptions& options, const ObjectFilter& filter,
               std::span<const object_tracking::Sighting> sightings, double inconsistency_m, double unseen_s,
               bool may_be_tracked);
 

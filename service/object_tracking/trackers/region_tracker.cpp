@@ -26,7 +26,7 @@ RegionTracker::RegionTracker(const calib::CameraRig& rig, const TargetOptions& t
       views_(rig, target),
       sighter_(rig, target, options),
       consistency_(rig.cameras.size(), target.radius_m, options),
-      filter_(rig, target.radius_m, options, rng),
+      filter_(rig, target, options, rng),
       search_(rig, target, options),
       rig_error_(rig, options.max_coast_sigma_m),
       clutter_mask_(rig.cameras.size(), 1),
@@ -163,7 +163,7 @@ void RegionTracker::update_existence(capture::Timestamp set_at, double power_den
 
 void RegionTracker::judge(const capture::FrameSet& set) {
   const MotionState& motion = filter_.motion();
-  const Judged now = judged(options_, motion, sightings_, consistency_.inflated_sigma(motion, sightings_),
+  const Judged now = judged(options_, filter_, sightings_, consistency_.inflated_sigma(motion, sightings_),
                             capture::seconds(set.at - last_tracking_),
                             // An object outside of the volume may come back, and is not published as tracking.
                             inside(options_.volume, motion.position(), target_.radius_m));
@@ -173,7 +173,8 @@ void RegionTracker::judge(const capture::FrameSet& set) {
 }
 
 void RegionTracker::search(const capture::FrameSet& set, const std::vector<TargetView>& views) {
-  if (views.size() < 2) return;  // a set of cameras of different rates: it neither confirms nor refutes
+  // A set of cameras of different rates neither confirms nor refutes.
+  if (views.size() < std::min<std::size_t>(2, views_.camera_count())) return;
   search_.look(views);
   for (std::size_t i = 0; i < views.size(); ++i)
     if (!seen_regions_.has(views[i].index)) seen_regions_.add_others(views[i], search_.regions()[i]);
@@ -214,8 +215,8 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
   start_compared(*find, set.at);
   const double inconsistency_m = consistency_.inflated_sigma(filter_.motion(), sightings_);
   if (inconsistency_m <= options_.max_coast_sigma_m) {
-    const double sigma_m = std::max(judged_sigma(filter_.motion(), sightings_), inconsistency_m);
-    const bool is_tracking = existence_.is_sure() && is_localized(options_, filter_.motion()) &&
+    const double sigma_m = std::max(judged_sigma(options_, filter_, sightings_), inconsistency_m);
+    const bool is_tracking = existence_.is_sure() && is_localized(options_, filter_) &&
                              sigma_m <= options_.max_tracking_sigma_m &&
                              inside(options_.volume, filter_.motion().position(), target_.radius_m);
     state_ = is_tracking ? TrackState::tracking : TrackState::coasting;

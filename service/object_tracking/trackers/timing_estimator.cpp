@@ -18,11 +18,12 @@ bool are_times_open(std::span<const Sighting> sightings, const MotionState& moti
   });
 }
 
-TimingEstimator::TimingEstimator(double radius_m, const ObjectTrackerOptions& options)
-    : is_learning_(options.timing == TimingMode::learn),
+TimingEstimator::TimingEstimator(std::size_t cameras, const TargetOptions& target, const ObjectTrackerOptions& options)
+    // One camera alone shows nothing of its timing.
+    : is_learning_(options.timing == TimingMode::learn && cameras > 1),
       speed_m_s_(options.start_speed_m_s),
       anywhere_m_((options.volume.max - options.volume.min).norm()),
-      observer_(radius_m) {}
+      observer_(target.radius_m, target.shape != TargetShape::blob) {}
 
 void TimingEstimator::begin(const MotionState& motion) {
   begun_ = motion;

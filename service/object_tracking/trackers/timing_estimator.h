@@ -31,7 +31,8 @@ bool are_times_open(std::span<const object_tracking::Sighting> sightings, const 
 // thread-compatible.
 class TimingEstimator {
  public:
-  TimingEstimator(double radius_m, const object_tracking::ObjectTrackerOptions& options);
+  TimingEstimator(std::size_t cameras, const object_tracking::TargetOptions& target,
+                  const object_tracking::ObjectTrackerOptions& options);
 
   void begin(const object_tracking::MotionState& motion);   // a new object; motion: the timing without it
   void settle(const object_tracking::MotionState& motion);  // sets all remembered states to this one
