@@ -54,9 +54,14 @@ ExitStatus map(const MapOptions& o) {
     input.volume_is_from = "the volume of the configuration";
   } else {
     rig = calib::read_rig(o.file);
-    box = volume_before(rig);
+    if (rig.cameras.size() > 1) box = volume_before(rig);
     input.volume_is_from = "around the centre of the cameras' views (set it with --volume)";
   }
+  if (rig.cameras.size() < 2)
+    throw gather::InputError(
+        o.file +
+        ": one camera: a map is of the positions that two or more see. With one, a ball's distance "
+        "follows from its size: a tenth of a pixel of a radius of 7 px is 1.4 % of it");
   if (!o.volume.empty()) {
     box = {{o.volume[0], o.volume[2], o.volume[4]}, {o.volume[1], o.volume[3], o.volume[5]}};
     input.volume_is_from = "from --volume";

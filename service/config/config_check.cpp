@@ -353,7 +353,11 @@ std::vector<std::string> warnings_of(const ServiceConfig& config) {
     if (coverage.per_camera[c] == 0)
       warnings.push_back("camera " + config.rig.cameras[c].name + " sees nothing of the volume");
   }
-  if (coverage.by_two < 0.5)
+  if (config.rig.cameras.size() == 1)
+    warnings.push_back(
+        "one camera: a ball's distance follows from its size, to some 2 to 5 per cent; targets of shape: blob are not "
+        "found");
+  else if (coverage.by_two < 0.5)
     warnings.push_back(
         fmt::format("only {} % of the volume is seen by two or more cameras: a target's depth is not fixed in the rest",
                     std::lround(100 * coverage.by_two)));

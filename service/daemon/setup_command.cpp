@@ -7,6 +7,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <numbers>
 #include <optional>
 #include <stdexcept>
 #include <thread>
@@ -23,7 +24,8 @@ namespace {
 namespace fs = std::filesystem;
 using namespace std::chrono_literals;
 
-constexpr std::size_t least_cameras = 2, max_cameras = 8;
+constexpr std::size_t max_cameras = 8;
+constexpr const char* one_camera_rig = "rig_one_camera.yaml";
 constexpr double wanted_fps = 30;
 constexpr double pre_roll_s = 60;
 constexpr double bytes_per_mb = 1e6;  // unit of record.pre_roll_mb
@@ -51,19 +53,40 @@ class PageProcess {
   std::jthread thread_;  // last: joined first
 };
 
-void write_first_configuration(const fs::path& file, const std::stop_token& stop) {
+// Returns the rig's file name.
+std::string write_rig_of_one(const fs::path& config, const SetUpCamera& camera, double fov_deg) {
+  const fs::path file = config.parent_path() / one_camera_rig;
+  std::error_code none;
+  if (fs::exists(file, none))
+    throw std::runtime_error(
+        fmt::format("{} is there already: move it away, or name it in {} as rig:", file.string(), config.string()));
+  files::write_whole_file(file, rig_of_one_camera(camera, fov_deg));
+  fmt::print(
+      "written: {}: its picture is taken to be {:g} degrees wide, and all distances are as right as that. If yours is "
+      "not, delete both files and run setup --fov DEGREES, or calibrate it: huetrack-calibrate intrinsics\n",
+      file.string(), fov_deg);
+  return one_camera_rig;
+}
+
+void write_first_configuration(const SetUpCommand& command, const std::stop_token& stop) {
+  const fs::path& file = command.config;
   std::vector<std::string> left_out;
   const std::vector<SetUpCamera> cameras = cameras_of_this_host(left_out, stop);
   for (const std::string& camera : left_out)
     fmt::print("left out: {}\n", files::printable(camera, files::longest_message));
-  if (cameras.size() < least_cameras)
+  if (cameras.empty())
     throw std::runtime_error(
-        fmt::format("{} was not written: positions need at least two cameras, and {} can be used here. Run huetrackd "
-                    "doctor to examine "
-                    "the others; add network cameras manually (service/daemon/live.md)",
-                    file.string(), cameras.empty() ? "none" : "one"));
-  files::write_whole_file(file, first_configuration(cameras, memory_of_this_host()));
-  fmt::print("written: {}, with {} cameras\n", file.string(), cameras.size());
+        fmt::format("{} was not written: no camera can be used here. Run huetrackd doctor to examine them; add network "
+                    "cameras manually (service/daemon/live.md)",
+                    file.string()));
+  const std::string rig = cameras.size() == 1 ? write_rig_of_one(file, cameras.front(), command.fov_deg) : "";
+  files::write_whole_file(file, first_configuration(cameras, memory_of_this_host(), rig));
+  fmt::print("written: {}, with {} camera{}\n", file.string(), cameras.size(), cameras.size() == 1 ? "" : "s");
+  if (cameras.size() == 1)
+    fmt::print(
+        "One camera: a ball's distance follows from its size in the picture, to some 2 to 5 per cent; set its radius "
+        "in "
+        "targets:. A second camera measures positions to millimetres: plug it in, and run setup with a new file.\n");
   for (const SetUpCamera& camera : cameras)
     fmt::print("  {} ({}x{}{}, {})\n", camera.device.string(), camera.width, camera.height,
                camera.fps > 0 ? fmt::format(" at {:.4g} frames/s", camera.fps) : "",
@@ -127,15 +150,38 @@ void choose_rate(std::span<const capture::OfferedFormat> formats, SetUpCamera& c
       (any_fps > 0 ? any_fps : wanted_fps) * camera.width * camera.height * (is_raw ? 2 : jpeg_bytes_per_pixel);
 }
 
-std::string first_configuration(std::span<const SetUpCamera> cameras, double memory_bytes) {
+std::string rig_of_one_camera(const SetUpCamera& camera, double fov_deg) {
+  const double focal_px = 0.5 * camera.width / std::tan(0.5 * fov_deg * std::numbers::pi / 180);
+  return fmt::format(
+      "# Written by huetrackd setup: one camera, not calibrated. Its picture is taken to be {:g} degrees wide; all\n"
+      "# distances scale with that. World: at the camera, x forwards, y to the left, z up, metres.\n"
+      "version: 1\n"
+      "cameras:\n"
+      "  cam0:\n"
+      "    image_size: [{}, {}]\n"
+      "    model: pinhole_radtan\n"
+      "    intrinsics: {{fx: {:.6g}, fy: {:.6g}, cx: {:g}, cy: {:g}}}\n"
+      "    distortion: [0, 0, 0, 0, 0]\n"
+      "    cam_from_world: {{rotation: [[0, -1, 0], [0, 0, -1], [1, 0, 0]], translation: [0, 0, 0]}}\n",
+      fov_deg, camera.width, camera.height, focal_px, focal_px, (camera.width - 1) / 2.0, (camera.height - 1) / 2.0);
+}
+
+std::string first_configuration(std::span<const SetUpCamera> cameras, double memory_bytes, const std::string& rig) {
   std::string text =
       "# Written by huetrackd setup: the cameras of this host. The page of `huetrack view` guides you: exposure,\n"
       "# calibration, targets. It saves changes in a separate file; edit this one as you like: every "
       "key\n"
       "# is in configs/huetrackd.yaml (/etc/huetrack/huetrackd.yaml of the package).\n"
-      "version: 1\n"
-      "rig: none                  # the cameras are not calibrated yet\n"
-      "cameras:\n";
+      "version: 1\n";
+  if (rig.empty())
+    text += "rig: none                  # the cameras are not calibrated yet\n";
+  else
+    text += fmt::format(
+        "rig: {}\n"
+        "# Where balls may be: metres from the camera, x forwards, y to the left, z up.\n"
+        "object_tracking: {{volume: {{min: [0.2, -1.5, -1.5], max: [4, 1.5, 1.5]}}}}\n",
+        rig);
+  text += "cameras:\n";
   int number = 0;
   double bytes_per_s = 0;
   for (const SetUpCamera& camera : cameras) {
@@ -162,7 +208,7 @@ void set_up(const SetUpCommand& command, LiveRequests& requests, const std::stop
     files::open_text_file(command.config);
     fmt::print("using the existing {}\n", command.config.string());
   } else {
-    write_first_configuration(command.config, stop);
+    write_first_configuration(command, stop);
   }
   if (!command.with_page) {
     fmt::print("next: huetrackd run {}, and in a second terminal: huetrack view\n", command.config.string());

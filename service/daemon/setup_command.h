@@ -30,15 +30,22 @@ void choose_rate(std::span<const capture::OfferedFormat> formats, SetUpCamera& c
 
 // A configuration of these cameras without calibration and targets, which the page may change. memory_bytes: of this
 // host; the pre-roll of a minute takes at most a quarter of it.
-std::string first_configuration(std::span<const SetUpCamera> cameras, double memory_bytes);
+// rig: file name of the rig beside it; empty: the cameras are not calibrated yet.
+std::string first_configuration(std::span<const SetUpCamera> cameras, double memory_bytes, const std::string& rig = {});
+
+// Rig of one camera that nothing is known of but its horizontal field of view, degrees, 0 to 170 exclusive: no
+// distortion; world at the camera: x forwards, y to the left, z up.
+std::string rig_of_one_camera(const SetUpCamera& camera, double fov_deg);
 
 struct SetUpCommand {
   std::filesystem::path config;
   bool with_page = true;  // false: only write the file
+  double fov_deg = 60;    // horizontal field of view of a single camera
 };
 
-// An existing configuration is run as it stands. throws std::exceptions of one readable line: there are not two
-// cameras, the file cannot be written; and as run() does.
+// An existing configuration is run as it stands. With one camera it also writes the rig (rig_of_one_camera()), beside
+// it. throws std::exceptions of one readable line: there is no camera, a file cannot be written, or the rig's is there
+// already; and as run() does.
 void set_up(const SetUpCommand& command, LiveRequests& requests, const std::stop_token& stop);
 
 }  // namespace huetrack::daemon
