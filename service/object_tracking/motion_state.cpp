@@ -438,16 +438,17 @@ void MotionState::scale_with_distance(const Eigen::Matrix<double, 6, 1>& step, c
   covariance_.topLeftCorner<6, 6>() += step * (motion_with_share + by.dot(with_share.head<3>()) * step).transpose();
 }
 
-// First-order Gauss-Markov process along the path, as propagate_bias().
-void MotionState::propagate_size_bias(double sigma) {
+// First-order Gauss-Markov process along the path, as propagate_bias(). A constant bias and a varying one are two:
+// those of a region and of an outline.
+void MotionState::propagate_size_bias(double sigma, bool is_constant) {
   const Eigen::Index bias = size_bias_at();
-  const bool is_first = size_bias_sigma_ == 0;
-  const double faded = std::exp(-size_path_m_ / motion_tuning.bias_length_m);
+  const bool is_first = size_bias_sigma_ == 0 || is_constant != is_size_bias_constant_;
+  const double faded = is_constant ? 1.0 : std::exp(-size_path_m_ / motion_tuning.bias_length_m);
   const double kept = is_first ? 0.0 : faded * sigma / size_bias_sigma_;
   mean_(bias) *= kept;
   covariance_.row(bias) *= kept;
   covariance_(bias, bias) = covariance_(bias, bias) * kept + (is_first ? 1.0 : 1 - faded * faded) * sigma * sigma;
-  size_bias_sigma_ = sigma, size_path_m_ = 0;
+  size_bias_sigma_ = sigma, size_path_m_ = 0, is_size_bias_constant_ = is_constant;
 }
 
 MotionState::SizeMoments MotionState::size_moments(const SeenBy& by, const Eigen::Vector3d& ray,
@@ -470,7 +471,7 @@ MotionState::SizeMoments MotionState::size_moments(const SeenBy& by, const Eigen
 double MotionState::observe_size(const LinearSize& size, const Eigen::Vector3d& velocity, double power_density) {
   by_nuisances_.reset();
   const SeenRow& row = size.row;
-  propagate_size_bias(size.bias_sigma);
+  propagate_size_bias(size.bias_sigma, size.is_bias_constant);
   const SeenBy by{row, capture::seconds(row.at - at), velocity};
   const double later_s = row_offset_s(row.camera, row.below_middle) - row.shift_s;
   const Eigen::Vector3d off_place = position() + by.dt * this->velocity() + later_s * velocity - size.linearised_at;

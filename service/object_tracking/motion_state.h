@@ -42,6 +42,7 @@ struct LinearSize {
   double log_off = 0;             // log of the measured radius over that expected at linearised_at
   double variance = 0;            // of the log, independent in every frame
   double bias_sigma = 0;          // 1 sigma of the log's slowly varying bias
+  bool is_bias_constant = false;  // it does not vary
   Eigen::Vector3d linearised_at;  // a position near the object's at row.at, metres
   Eigen::Vector3d ray;            // from the camera's centre to linearised_at, m
 };
@@ -178,7 +179,7 @@ class MotionState {
   using Columns = Eigen::Matrix<double, Eigen::Dynamic, 2, Eigen::ColMajor, most_states, 2>;
   void apply(const Columns& gain, const Columns& of_state, const Eigen::Vector2d& innovation);
   void scale_with_distance(const Eigen::Matrix<double, 6, 1>& step, const Eigen::Vector3d& ray);
-  void propagate_size_bias(double sigma);
+  void propagate_size_bias(double sigma, bool is_constant);
   void propagate_bias(int camera, double bias_sigma_px, const Eigen::Matrix2d& inflation);
   // Of the clock that stamps a camera's frames against that of the reference camera; 0 where it is the same one.
   double relative_clock_variance_s2(int camera) const;
@@ -214,6 +215,7 @@ class MotionState {
   };
   std::vector<Bias> biases_;                      // per camera
   double size_bias_sigma_ = 0, size_path_m_ = 0;  // at the last measured radius (0: there was none), and since then
+  bool is_size_bias_constant_ = false;            // the same
 };
 
 }  // namespace huetrack::object_tracking

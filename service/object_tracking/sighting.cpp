@@ -278,11 +278,10 @@ Sighting sighting_of(const TargetView& view, const color::ColorRegion& region, d
   const double coarseness = sample_px(*view.image) / std::max(1.0, radius_px);
   const double by_chance = 2 * width_noise * coarseness * std::sqrt(coarseness);  // 2 sigma
   s.narrowed = std::max(0.0, std::log(std::max(1.0, length_px) / std::max(1.0, width_px)) - by_chance);
-  const double log_bias = std::hypot(sighting_tuning.region_size_sigma, s.narrowed);
-  if (!region.of_disc.any() && log_bias < 2 * sighting_tuning.region_size_sigma)
+  if (!region.of_disc.any())
     s.size = {.radius_px = s.radius_px,
-              .log_sigma = std::sqrt(usual.noise_px2) / std::max(1.0, s.radius_px),
-              .log_bias = log_bias};
+              .log_sigma = std::hypot(std::sqrt(usual.noise_px2) / std::max(1.0, s.radius_px), s.narrowed),
+              .log_bias = sighting_tuning.region_size_sigma};
   if (region.of_disc.any()) {
     // What hides a part of a disc in a room that shares the colour is mostly a hand that moves along: the error lasts.
     s.hidden_px = sighting_tuning.cut_error * (1 - s.support) * radius_px;

@@ -42,7 +42,7 @@ Eigen::Matrix2d px_covariance_of_pose(const calib::Camera& camera, const Eigen::
 struct MeasuredSize {
   double radius_px = 0;
   double log_sigma = 0;  // of the radius' logarithm: independent in every frame
-  double log_bias = 0;   // 1 sigma of the logarithm's bias, which stays while the object rests
+  double log_bias = 0;   // 1 sigma of the logarithm's bias: a region's is constant, an outline's varies slowly
 };
 
 struct Sighting {
@@ -87,7 +87,7 @@ struct SightingTuning {
   double repeat_px = 1;           // px, motion that changes a region of 100 px visibly: else the frame is a repeat
   double misfit_share = 0.2;      // of the radius, 1 sigma: shape noise of a small disc's outline (experiment)
   double cut_error = 0.85;        // radii of error per missing share: an edge leaves 0.42 at half, 0.65 at a quarter
-  double region_size_sigma = 0.1;  // of the log of a region's radius: dark edges do not match; 0.1 rms (experiment)
+  double region_size_sigma = 0.2;  // of the log of a region's radius: dark edges do not match (experiment)
   double whole_share = 0.9;        // share of the expected area from which a disc counts as unoccluded
 };
 inline constexpr SightingTuning sighting_tuning{};

@@ -284,6 +284,7 @@ struct SizedScene {
   std::mt19937 random;
   calib::CameraRig rig;
   double scale, bias = 0;
+  bool is_region = false;  // then the bias is constant
   static constexpr double noise_px = 0.1, size_noise = 0.01, size_bias = 0.015, bias_length_m = 0.5, q = 40;
 
   explicit SizedScene(unsigned seed) : random(seed), scale(0.02 * normal()) {
@@ -297,7 +298,7 @@ struct SizedScene {
       const Vector3d p = Scene::position(t);
       const double kept = t == from_s ? 0 : std::exp(-(p - before).norm() / bias_length_m);
       before = p;
-      bias = kept * bias + std::sqrt(1 - kept * kept) * size_bias * normal();
+      if (!is_region) bias = kept * bias + std::sqrt(1 - kept * kept) * size_bias * normal();
       state.predict_to(at(t), q);
       const SeenRow row{.camera = 0, .below_middle = 0, .at = at(t)};
       const Vector3d near = state.position();
@@ -316,7 +317,8 @@ struct SizedScene {
           {.row = row,
            .log_off = std::log(true_ball->radius_px / expected->radius_px) + scale + bias + size_noise * normal(),
            .variance = size_noise * size_noise,
-           .bias_sigma = size_bias,
+           .bias_sigma = is_region ? sighting_tuning.region_size_sigma : size_bias,
+           .is_bias_constant = is_region,
            .linearised_at = near,
            .ray = near - camera.centre()},
           state.velocity(), q);
@@ -350,6 +352,24 @@ TEST(MotionState, OneCameraAndTheSizeGiveThePlaceWithAnHonestCovariance) {
   EXPECT_NEAR(nees, 3, 0.7);  // 4 sigma of the mean of 200 values of chi-square with 3 dof
   EXPECT_NEAR(along, 0, 4 * sigma_along / std::sqrt(runs)) << "share of the distance";
   EXPECT_NEAR(sigma_size, 0.02, 0.002);
+}
+
+TEST(MotionState, OneCameraAndARegionsSizeLeaveTheDistanceUnsure) {
+  double nees = 0;
+  constexpr int runs = 200;
+  for (unsigned seed = 0; seed < runs; ++seed) {
+    SizedScene scene(seed);
+    scene.is_region = true;
+    scene.bias = sighting_tuning.region_size_sigma * scene.normal();
+    MotionState state(scene.rig, false);
+    state.begin(at(0), Scene::position(0), 9, Vector3d::Zero(), 9);
+    scene.run(state, 0, 5);
+    const Vector3d off = scene.off(state), ray = state.position() - scene.rig.cameras[0].centre();
+    nees += off.dot(state.position_covariance().ldlt().solve(off)) / runs;
+    const double sigma_along = std::sqrt(ray.dot(state.position_covariance() * ray)) / ray.squaredNorm();
+    EXPECT_NEAR(sigma_along, 0.2, 0.05);
+  }
+  EXPECT_NEAR(nees, 3, 0.7);
 }
 
 TEST(MotionState, ASizeThatContradictsMovesLittleAtOnce) {

@@ -19,7 +19,6 @@ struct BirthTuning {
   double clutter_on_line = 0.03;    // a region lies within a few pixels of an epipolar line
   double clutter_round = 0.15;      // a region of the static scene is as round as a disc
   double clutter_log_sizes = 2.5;   // range of the logarithms of the radii that regions are searched in
-  double size_sigma = 0.2;          // 1 sigma of the logarithm of a region's radius over the object's
   double max_size_cost = 3;         // a wrong size counts no more against it: it may be occluded
   double max_size = 1.2;        // radius over the expected one of a disc that speaks for an object: its edge is blurred
   double clear_evidence = 7;    // log-likelihood ratio, one false in a thousand rooms: what three views show alike
@@ -45,7 +44,8 @@ double llr_round() {
   return std::log(detection.probability / birth_tuning.clutter_round);
 }
 double llr_of_size() {
-  return std::log(birth_tuning.clutter_log_sizes / (birth_tuning.size_sigma * std::sqrt(2 * std::numbers::pi)));
+  return std::log(birth_tuning.clutter_log_sizes /
+                  (sighting_tuning.region_size_sigma * std::sqrt(2 * std::numbers::pi)));
 }
 
 bool share_a_region(const PositionCandidate& a, const PositionCandidate& b) {
@@ -69,7 +69,7 @@ double evidence_of_discs(const PositionCandidate& c, double radius_m) {
   for (const Sighting& s : c.sightings) {
     const auto at = project_ball(*s.camera, c.position, radius_m);
     if (!at || !has_disc_shape(s) || s.radius_px > birth_tuning.max_size * at->radius_px) continue;
-    const double size = std::log(s.radius_px / at->radius_px) / birth_tuning.size_sigma;
+    const double size = std::log(s.radius_px / at->radius_px) / sighting_tuning.region_size_sigma;
     evidence += std::max(0.0, llr_round() + llr_of_size() - 0.5 * size * size);
   }
   return evidence;
@@ -104,7 +104,7 @@ ObjectBirths::Candidate ObjectBirths::weighed(PositionCandidate at, const std::v
     const auto seen =
         std::ranges::find(out.at.sightings, views[v].index, [](const Sighting& s) { return s.row.camera; });
     if (seen != out.at.sightings.end()) {
-      const double size = std::log(seen->radius_px / in_view->radius_px) / birth_tuning.size_sigma;
+      const double size = std::log(seen->radius_px / in_view->radius_px) / sighting_tuning.region_size_sigma;
       out.evidence += llr_at_place() - std::min(birth_tuning.max_size_cost, 0.5 * size * size);
       continue;
     }
