@@ -389,6 +389,7 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   if (playback.played != nullptr) summary.held_s = capture::seconds(playback.played->paused());
   summary.wall_s -= summary.held_s;
   summary.mistakes = reports.mistakes.summary();
+  std::ranges::copy(playback.source->mistakes(), std::back_inserter(summary.mistakes));
   const std::string unit_mistake = config::unit_mistake(config);
   if (!unit_mistake.empty()) summary.mistakes.push_back(unit_mistake);
   // Advice about the search would mislead next to a mistake that explains the problem.

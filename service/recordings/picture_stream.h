@@ -23,6 +23,8 @@ class PictureStream {
  public:
   virtual ~PictureStream() = default;
   virtual std::optional<Shown> next() = 0;  // the next selected picture; nullopt at the end. Never throws.
+  // Pictures of the stream up to the next one to be read; at the end: all.
+  virtual std::int64_t position() const = 0;
   // Of the whole stream, as declared by the file: may be wrong. nullopt: unknown
   virtual std::optional<std::int64_t> frame_count() const { return std::nullopt; }
   virtual capture::Duration frame_period() const { return capture::Duration::zero(); }  // usual; 0 when unknown

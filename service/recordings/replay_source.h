@@ -60,6 +60,8 @@ class ReplaySource final : public capture::FrameSource {
   std::optional<std::int64_t> expected_frames() const;  // of all cameras
   std::optional<capture::Timestamp> first_at() const;   // of all cameras; nullopt: there are no frames
   std::vector<std::string> take_warnings();             // since the last call, one line each
+  // Times of the recording that its files contradict, so far; one line each, which are among the warnings, too.
+  std::vector<std::string> mistakes() const;
 
  private:
   struct Impl;

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <filesystem>
-#include <string>
 #include <vector>
 
 namespace huetrack::recordings {
@@ -11,8 +10,5 @@ namespace huetrack::recordings {
 // The MPEG transport streams of a folder, or of a glob that matches only such, by their numbers. Empty: frames is
 // neither. throws ConfigError: one does not go on where the one before it ends, by their time stamps
 std::vector<std::filesystem::path> stream_parts(const std::filesystem::path& frames);
-
-// What FFmpeg opens: one file, or several back to back.
-std::string ffmpeg_address(const std::vector<std::filesystem::path>& parts);
 
 }  // namespace huetrack::recordings

@@ -16,6 +16,7 @@
 #include "capture/ffmpeg/ffmpeg_picture.h"
 #include "capture/ffmpeg/stream_decoder.h"
 #include "capture/jpeg/jpeg_reader.h"
+#include "recordings/joined_parts.h"
 #include "recordings/picture_order.h"
 #include "recordings/stream_parts.h"
 
@@ -167,7 +168,7 @@ struct VideoReader::Impl {
 
     // Local files only: a play list in a recording must not access the network.
     AVDictionary* options = nullptr;
-    av_dict_set(&options, "protocol_whitelist", "file,concat", 0);
+    av_dict_set(&options, "protocol_whitelist", "file", 0);
     av_dict_set(&options, "format_whitelist", films, 0);
     av_dict_set(&options, "pattern_type", "none", 0);                       // image_files_of() handles series of images
     AVFormatContext* opened = capture::not_null(avformat_alloc_context());  // freed if it cannot be opened
@@ -176,13 +177,17 @@ struct VideoReader::Impl {
       opened->interrupt_callback = {
           [](void* stop) { return static_cast<const std::stop_token*>(stop)->stop_requested() ? 1 : 0; }, &*growing};
     }
-    const int open_error = avformat_open_input(&opened, ffmpeg_address(parts).c_str(), nullptr, &options);
+    if (parts.size() > 1) {
+      joined = std::make_unique<JoinedParts>(parts);
+      opened->pb = joined->io();
+    }
+    const int open_error = avformat_open_input(&opened, ("file:" + file.string()).c_str(), nullptr, &options);
     av_dict_free(&options);
     if (open_error < 0) {
       const std::string said = log.take();
+      if (const auto advice = advice_to_convert(file); !advice.empty()) fail(file, advice);
       if (said.find("whitelist") != std::string::npos)
         fail(file, "is no film: a play list, or what else only names other files, is not followed");
-      if (const auto advice = advice_to_convert(file); !advice.empty()) fail(file, advice);
       fail(file, "is not a video or image that FFmpeg can read: " + capture::error_text(open_error) + said);
     }
     format.reset(opened);
@@ -345,6 +350,7 @@ struct VideoReader::Impl {
     if (!is_avi || packet->dts == AV_NOPTS_VALUE) return;
     packet->pts = packet->dts;
     packets = std::max(packets, packet->dts + 1);  // empty chunks are none
+    count_empty_chunks();
     if (packet->pos < 0) return;
     const AVIndexEntry* entry = nullptr;
     for (; next_avi_entry < avformat_index_get_entries_count(stream); ++next_avi_entry) {
@@ -352,9 +358,24 @@ struct VideoReader::Impl {
       if (next->pos > packet->pos) break;
       entry = next;
     }
-    if (!entry || entry->timestamp <= packet->pts) return;
-    packet->pts = entry->timestamp;
+    if (!entry || entry->timestamp - delay_chunks <= packet->pts) return;
+    packet->pts = entry->timestamp - delay_chunks;
     damaged = true;
+  }
+
+  // An empty chunk stands for a picture that was dropped; but encoders of B frames write one after the first picture,
+  // while they wait for the next ones.
+  void count_empty_chunks() {
+    if (stream->codecpar->video_delay > 0 && last_chunk && packet->dts > *last_chunk + 1) {
+      const std::int64_t empty = packet->dts - *last_chunk - 1;
+      if (*last_chunk == first_chunk && empty <= stream->codecpar->video_delay)
+        delay_chunks = empty;
+      else if (std::exchange(empty_chunks, empty_chunks + empty) == 0)
+        before_empty = *last_chunk - delay_chunks;
+    }
+    if (!last_chunk) first_chunk = packet->dts;
+    last_chunk = packet->dts;
+    packet->pts -= delay_chunks;
   }
 
   // For a decoder without delay: packet number equals frame number.
@@ -433,7 +454,7 @@ struct VideoReader::Impl {
         order.sent(has_pts ? std::optional(packet->pts) : std::nullopt, is_trimmed);
         if (has_pts) sent_key = std::max(sent_key, packet->pts);
       }
-      if (codec.send(packet.get()) < 0) order.failed();
+      if (packet->size > 0 && codec.send(packet.get()) < 0) order.failed();  // an empty one would be the end
     }
     receive();
   }
@@ -588,6 +609,10 @@ struct VideoReader::Impl {
 
   void end() {
     ended = true;
+    if (empty_chunks > 0 && camera.fps == 0 && camera.timestamps.empty())
+      warnings.push_back(camera.frames.string() + ": " + std::to_string(empty_chunks) +
+                         " of its chunks are empty, first after frame " + std::to_string(before_empty) +
+                         ": they count as frames that the camera dropped; if it dropped none, give fps");
     sum_up(lost_warnings, "frames that do not decode");
     sum_up(damage_warnings, "damaged places");
   }
@@ -601,14 +626,17 @@ struct VideoReader::Impl {
   const bool keeps_jpeg;
   std::shared_ptr<const std::vector<std::uint8_t>> jpeg_bytes = {};  // of the next picture
   std::size_t next_image = 0;
-  capture::InputPtr format;    // null for images
-  AVStream* stream = nullptr;  // of format
+  std::unique_ptr<JoinedParts> joined;  // of format, when it has several parts
+  capture::InputPtr format;             // null for images
+  AVStream* stream = nullptr;           // of format
   capture::StreamDecoder codec;
   PictureOrder order;  // of a delayed decoder's
   capture::JpegReader jpeg;
   capture::PacketPtr packet{capture::not_null(av_packet_alloc())};
   capture::PictureMaker pictures;
   int next_avi_entry = 0;
+  std::int64_t first_chunk = 0, delay_chunks = 0, empty_chunks = 0, before_empty = 0;  // of an AVI
+  std::optional<std::int64_t> last_chunk;
   std::optional<std::int64_t> clock_start;  // ticks; of a container whose clock does not start at 0
   bool is_intra_only = false;
   bool is_delayed = false;
@@ -644,6 +672,10 @@ VideoReader::~VideoReader() = default;
 
 std::optional<VideoReader::Shown> VideoReader::next() {
   return impl_->next();
+}
+
+std::int64_t VideoReader::position() const {
+  return impl_->index;
 }
 
 std::optional<std::int64_t> VideoReader::frame_count() const {
