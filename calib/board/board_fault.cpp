@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <iterator>
 #include <opencv2/core.hpp>
 #include <set>
 #include <tuple>
@@ -86,7 +87,7 @@ Variants rearranged(const Board& board, MarkersInImages& images) {
   return changed;
 }
 
-// Other markers.
+// Other markers, each also at other places: without these the right markers may contradict the board more than none do.
 Variants recoded(const Board& board, MarkersInImages& images) {
   Variants changed{board, board};
   changed[0].border_bits = board.border_bits == 1 ? 2 : 1;
@@ -96,11 +97,16 @@ Variants recoded(const Board& board, MarkersInImages& images) {
     Board other = board;
     other.dictionary = dictionary.name;
     changed.push_back(other);
-    add_first_markers(other, images, changed);
     other.border_bits = other.border_bits == 1 ? 2 : 1;
     if (other.dictionary.starts_with("DICT_APRILTAG")) changed.push_back(other);
   }
-  return changed;
+  Variants arranged;
+  for (const Board& markers : changed) {
+    arranged.push_back(markers);
+    if (std::ranges::any_of(images.of(markers), [](const Markers& found) { return !found.empty(); }))
+      std::ranges::copy(rearranged(markers, images), std::back_inserter(arranged));
+  }
+  return arranged;
 }
 
 // What differs, as lines of a board file: "squares: [5, 7]" and "legacy: true".

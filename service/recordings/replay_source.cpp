@@ -353,6 +353,7 @@ class Stream {
     info_.height = picture.image.height;
     info_.format = picture.image.format;
     info_.range = picture.image.range;
+    info_.is_turned = reader_->is_turned();
     return true;
   }
 

@@ -688,6 +688,10 @@ capture::Duration VideoReader::frame_period() const {
   return rate > 0 && std::isfinite(rate) ? capture::duration_of(1 / rate) : capture::Duration::zero();
 }
 
+bool VideoReader::is_turned() const {
+  return impl_->pictures.turns();
+}
+
 std::optional<capture::Duration> VideoReader::clock_start() const {
   return impl_->clock_start ? std::optional(impl_->duration_of_ticks(*impl_->clock_start)) : std::nullopt;
 }

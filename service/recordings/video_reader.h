@@ -45,6 +45,7 @@ class VideoReader final : public PictureStream {
   std::optional<std::int64_t> frame_count() const override;
   capture::Duration frame_period() const override;  // average
   std::optional<capture::Duration> clock_start() const override;
+  bool is_turned() const override;
 
  private:
   struct Impl;

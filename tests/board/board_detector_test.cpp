@@ -369,19 +369,21 @@ std::vector<WrongFile> wrong_files() {
   const Board shifted = with(even, [](Board& b) { b.first_marker = 6; });
   const Board bottom = with(grid, [](Board& b) { b.from_bottom = true; });
   const Board swapped = with(even, [](Board& b) { std::swap(b.columns, b.rows); });
-  return {{"legacy", legacy, even, "legacy: true"},
-          {"not_legacy", even, legacy, "legacy: false"},
-          {"legacy_of_odd_columns", odd_columns, with(odd_columns, [](Board& b) { b.legacy = false; }), "legacy: true"},
-          {"first_marker", shifted, even, "first_marker: 6"},
-          {"counted_from_one", even, with(even, [](Board& b) { b.first_marker = 1; }), "first_marker: 0"},
-          {"numbered_from_the_bottom", bottom, grid, "numbered_from: bottom"},
-          {"swapped", swapped, even, "squares: [8, 6]"},
-          {"one_column_more", with(even, [](Board& b) { b.columns = 7; }), even, "squares: [7, 8]"},
-          {"inverted", with(even, [](Board& b) { b.inverted = true; }), even, "inverted: true"},
-          {"inverted_and_legacy", with(legacy, [](Board& b) { b.inverted = true; }), even,
-           "legacy: true and inverted: true"},
-          {"dictionary", with(even, [](Board& b) { b.dictionary = "DICT_5X5_100"; }), even, "dictionary: DICT_5X5_50"},
-          {"border", with(grid, [](Board& b) { b.border_bits = 2; }), grid, "border_bits: 2"}};
+  return {
+      {"legacy", legacy, even, "legacy: true"},
+      {"not_legacy", even, legacy, "legacy: false"},
+      {"legacy_of_odd_columns", odd_columns, with(odd_columns, [](Board& b) { b.legacy = false; }), "legacy: true"},
+      {"first_marker", shifted, even, "first_marker: 6"},
+      {"counted_from_one", even, with(even, [](Board& b) { b.first_marker = 1; }), "first_marker: 0"},
+      {"numbered_from_the_bottom", bottom, grid, "numbered_from: bottom"},
+      {"swapped", swapped, even, "squares: [8, 6]"},
+      {"one_column_more", with(even, [](Board& b) { b.columns = 7; }), even, "squares: [7, 8]"},
+      {"inverted", with(even, [](Board& b) { b.inverted = true; }), even, "inverted: true"},
+      {"inverted_and_legacy", with(legacy, [](Board& b) { b.inverted = true; }), even,
+       "legacy: true and inverted: true"},
+      {"dictionary", with(even, [](Board& b) { b.dictionary = "DICT_5X5_100"; }), even, "dictionary: DICT_5X5_50"},
+      {"kalibr", with(bottom, [](Board& b) { b.border_bits = 2; }), grid, "border_bits: 2 and numbered_from: bottom"},
+      {"border", with(grid, [](Board& b) { b.border_bits = 2; }), grid, "border_bits: 2"}};
 }
 
 class WrongBoardFile : public testing::TestWithParam<WrongFile> {};

@@ -39,7 +39,7 @@ class StreamDecoder {
   int open_unpacker(const AVStream& stream);
 
   CodecPtr codec_;
-  FilterPtr unpacker_;  // for MPEG-4
+  FilterPtr unpacker_;                                        // for MPEG-4
   std::unique_ptr<AVCodecParserContext, FreeParser> parser_;  // for H.264, whose fields may have packets of their own
   CodecPtr headers_;                                          // the parser's
   int length_bytes_ = 0;    // of the length before every unit of H.264 and HEVC; 0: start codes
