@@ -78,12 +78,13 @@ Variants rearranged(const Board& board, MarkersInImages& images) {
     add([](Board& b) { b.from_bottom = !b.from_bottom; });
     add([](Board& b) { b.from_bottom = !b.from_bottom, std::swap(b.columns, b.rows); });
   }
-  add_first_markers(board, images, changed);
-  constexpr int off_by = 3;
-  for (int columns = std::max(1, board.columns - off_by); columns <= board.columns + off_by; ++columns) {
-    for (const int rows : {board.rows - 1, board.rows, board.rows + 1})
-      add([&](Board& b) { b.columns = columns, b.rows = rows; });
+  // Where a part of the board explains several, the first of them is named: the fewest changes.
+  if (board.first_marker != 0) add([](Board& b) { b.first_marker = 0; });
+  for (const int more_columns : {0, -1, 1, -2, 2, -3, 3}) {
+    for (const int more_rows : {0, -1, 1})
+      add([&](Board& b) { b.columns = std::max(1, b.columns + more_columns), b.rows += more_rows; });
   }
+  add_first_markers(board, images, changed);
   return changed;
 }
 

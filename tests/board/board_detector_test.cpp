@@ -403,6 +403,20 @@ TEST_P(WrongBoardFile, IsContradictedAndMended) {
   EXPECT_EQ(BoardDetector(GetParam().real).detect(view_of(image)).contradicting_markers, 0);
 }
 
+// What is hidden may be anything: of the files that explain the rest, that with the fewest changes is named.
+TEST(FittingBoardFile, OfAPartOfTheBoardHasTheFewestChanges) {
+  const Board real{.type = BoardType::charuco, .columns = 6, .rows = 8, .marker = 0.0225};
+  const DrawnBoard drawn = draw_board(real);
+  const cv::Matx33d h = tilted(drawn.image, {{{120, 60}, {540, 90}, {510, 400}, {140, 370}}});
+  cv::Mat image = seen_through(drawn.image, h, {640, 480}, 2, 1);
+  image.rowRange(0, 230) = 128;
+  Board from_one = real, lower = real;
+  from_one.first_marker = 1;
+  lower.rows = 7;
+  EXPECT_EQ(fitting_board_file(from_one, {view_of(image)}), "first_marker: 0");
+  EXPECT_EQ(fitting_board_file(lower, {view_of(image)}), "squares: [6, 8]");
+}
+
 // shared/data/field_cases: Kalibr's own target file and a board as its program prints it, with a known lens.
 TEST(BoardDetectorCaptures, KalibrsAprilGrid) {
   const std::filesystem::path folder = std::filesystem::path(HUETRACK_SHARED_DATA) / "field_cases/kalibr_aprilgrid";
