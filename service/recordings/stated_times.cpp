@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <string_view>
+#include <utility>
 
 #include "calib/files/csv_table.h"
 
@@ -45,10 +46,17 @@ constexpr ListedTimesTuning listed_times{};
 struct GivenRateTuning {
   std::int64_t enough = 4;  // pictures, for a rate by their stamps
   double slack = 0.02;      // of a rate: 29.97 is 30
-  double gap = 0.9;         // periods: a picture is missing
-  std::size_t window = 16;  // pictures, in which 29.97 for 30 is no gap, and a late stamp is made up for
+  double gap = 0.9;         // usual steps: a picture is missing
+  std::size_t window = 16;  // pictures, in which a late stamp is made up for
 };
 constexpr GivenRateTuning given_rate{};
+
+// values: not empty
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::ranges::nth_element(values, middle);
+  return *middle;
+}
 
 // Usual time from one frame of the stream to the next: the median, which is robust to gaps. 0: one row only.
 double seconds_a_frame(const RecordedCamera& camera) {
@@ -57,10 +65,7 @@ double seconds_a_frame(const RecordedCamera& camera) {
     const auto &before = camera.timestamps[k - 1], &row = camera.timestamps[k];
     steps_s.push_back(capture::seconds(row.second - before.second) / static_cast<double>(row.first - before.first));
   }
-  if (steps_s.empty()) return 0;
-  const auto middle = steps_s.begin() + static_cast<std::ptrdiff_t>(steps_s.size() / 2);
-  std::ranges::nth_element(steps_s, middle);
-  return *middle;
+  return steps_s.empty() ? 0 : median(std::move(steps_s));
 }
 
 double factor_between(double a, double b) {
@@ -112,10 +117,10 @@ std::optional<TimesProblem> problem_of_listed_times(const RecordedCamera& camera
 void GivenRate::see(std::int64_t index, capture::Timestamp stamp) {
   const Seen picture{index, stamp};
   if (!first_) first_ = picture;
-  compare_rates(picture);
-  look_for_gap(picture);
   recent_.push_back(picture);
   if (recent_.size() > given_rate.window) recent_.pop_front();
+  compare_rates(picture);
+  look_for_gap();
 }
 
 // A typed fps is wrong more often than a file's; but it may be intended, for slow motion.
@@ -127,26 +132,33 @@ void GivenRate::compare_rates(const Seen& picture) {
   const double period_s = capture::seconds(picture.second - first_->second) / static_cast<double>(count);
   const auto contradicts = [&](double s) { return s > 0 && std::abs(fps_ * s - 1) >= given_rate.slack; };
   if (!contradicts(period_s) || !contradicts(capture::seconds(file_period_))) return;
+  has_problem_ = true;
   problems_.push_back(fmt::format(
       "fps says {:g}, but the file itself {:.4g} frames a second: if the file is right, leave fps out; if fps is right "
       "(slow motion, a wrong header), add {}",
       fps_, 1 / period_s, how_to_confirm));
 }
 
-// A missing frame in a file of the given rate: all later times are wrong by a frame.
-void GivenRate::look_for_gap(const Seen& picture) {
-  if (has_gap_ || recent_.empty()) return;
-  const double period_s = 1 / fps_;
-  if (std::abs(capture::seconds(file_period_) - period_s) > given_rate.slack * period_s) return;
-  const auto& [index, stamp] = recent_.front();
-  const double gap_s = capture::seconds(picture.second - stamp) - static_cast<double>(picture.first - index) * period_s;
-  if (gap_s < given_rate.gap * period_s) return;
-  has_gap_ = true;
-  const long missing = std::max(1L, std::lround(gap_s / period_s));
+// A longer step among even ones: all later times are wrong by the missing frames.
+void GivenRate::look_for_gap() {
+  if (has_problem_ || recent_.size() <= static_cast<std::size_t>(given_rate.enough)) return;
+  std::vector<double> steps_s;
+  for (std::size_t k = 1; k < recent_.size(); ++k)
+    steps_s.push_back(capture::seconds(recent_[k].second - recent_[k - 1].second) /
+                      static_cast<double>(recent_[k].first - recent_[k - 1].first));
+  const double usual_s = median(steps_s);
+  const auto& [first, begin] = recent_.front();
+  const auto& [last, end] = recent_.back();
+  const double gap_s = capture::seconds(end - begin) - static_cast<double>(last - first) * usual_s;
+  if (gap_s < given_rate.gap * usual_s) return;
+  has_problem_ = true;
+  const auto longest = std::ranges::max_element(steps_s) - steps_s.begin();
+  const long missing = std::max(1L, std::lround(gap_s / usual_s));
   problems_.push_back(fmt::format(
       "its own time stamps say that {} missing before frame {}: from there on, fps gives times that are too early: "
       "leave fps out to use the file's time stamps; if these are wrong, add {}",
-      missing == 1 ? "a frame is" : fmt::format("{} frames are", missing), picture.first, how_to_confirm));
+      missing == 1 ? "a frame is" : fmt::format("{} frames are", missing),
+      recent_[static_cast<std::size_t>(longest) + 1].first, how_to_confirm));
 }
 
 std::vector<std::string> GivenRate::take_problems() {

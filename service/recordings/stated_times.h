@@ -36,13 +36,13 @@ class GivenRate {
  private:
   using Seen = std::pair<std::int64_t, capture::Timestamp>;
   void compare_rates(const Seen& picture);
-  void look_for_gap(const Seen& picture);
+  void look_for_gap();
 
   double fps_;
   capture::Duration file_period_;
   std::optional<Seen> first_;
   std::deque<Seen> recent_;
-  bool has_compared_ = false, has_gap_ = false;
+  bool has_compared_ = false, has_problem_ = false;
   std::vector<std::string> problems_;
 };
 

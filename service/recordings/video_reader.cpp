@@ -224,7 +224,10 @@ struct VideoReader::Impl {
       const std::string_view container = format->iformat->name;
       is_avi = container == "avi";
       has_stamps = std::ranges::count(elementary_streams, container) == 0;
-      if (is_avi) order.count_packets();
+      if (is_avi) {
+        order.count_packets();
+        find_empty_chunks();
+      }
       count_listed_packets(container);
       // A transport or program stream's clock begins anywhere: players begin at its first picture.
       const bool begins_anywhere = (format->iformat->flags & AVFMT_TS_DISCONT) != 0;
@@ -350,7 +353,7 @@ struct VideoReader::Impl {
     if (!is_avi || packet->dts == AV_NOPTS_VALUE) return;
     packet->pts = packet->dts;
     packets = std::max(packets, packet->dts + 1);  // empty chunks are none
-    count_empty_chunks();
+    if (packet->dts > 0) packet->pts -= delay_chunks;
     if (packet->pos < 0) return;
     const AVIndexEntry* entry = nullptr;
     for (; next_avi_entry < avformat_index_get_entries_count(stream); ++next_avi_entry) {
@@ -363,19 +366,29 @@ struct VideoReader::Impl {
     damaged = true;
   }
 
-  // An empty chunk stands for a picture that was dropped; but encoders of B frames write one after the first picture,
-  // while they wait for the next ones.
-  void count_empty_chunks() {
-    if (stream->codecpar->video_delay > 0 && last_chunk && packet->dts > *last_chunk + 1) {
-      const std::int64_t empty = packet->dts - *last_chunk - 1;
-      if (*last_chunk == first_chunk && empty <= stream->codecpar->video_delay)
-        delay_chunks = empty;
-      else if (std::exchange(empty_chunks, empty_chunks + empty) == 0)
-        before_empty = *last_chunk - delay_chunks;
+  // An empty chunk of an AVI stands for a picture that was dropped; but encoders of B frames write one after the first
+  // picture, while they wait for the next ones, and some programs write one after every picture.
+  void find_empty_chunks() {
+    const int count = avformat_index_get_entries_count(stream);
+    std::vector<std::int64_t> steps;
+    for (int i = 1; i < count; ++i)
+      steps.push_back(avformat_index_get_entry(stream, i)->timestamp -
+                      avformat_index_get_entry(stream, i - 1)->timestamp);
+    if (steps.size() < 2 || stream->codecpar->video_delay == 0) return;
+    std::vector<std::int64_t> sorted = steps;
+    const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
+    std::ranges::nth_element(sorted, middle);
+    if (const auto waits = steps[0] - *middle; waits > 0 && waits <= stream->codecpar->video_delay * *middle) {
+      delay_chunks = waits;
+      steps[0] = *middle;
     }
-    if (!last_chunk) first_chunk = packet->dts;
-    last_chunk = packet->dts;
-    packet->pts -= delay_chunks;
+    const auto first = std::ranges::find_if(steps, [&](std::int64_t step) { return step > *middle; });
+    if (first == steps.end() || camera.fps > 0 || !camera.timestamps.empty()) return;
+    const auto places = std::ranges::count_if(steps, [&](std::int64_t step) { return step > *middle; });
+    warnings.push_back(camera.frames.string() + ": has empty chunks at " + std::to_string(places) +
+                       (places == 1 ? " place" : " places") + ", first after picture " +
+                       std::to_string(first - steps.begin()) +
+                       " of the file: they count as frames that the camera dropped; if it dropped none, give fps");
   }
 
   // For a decoder without delay: packet number equals frame number.
@@ -609,10 +622,6 @@ struct VideoReader::Impl {
 
   void end() {
     ended = true;
-    if (empty_chunks > 0 && camera.fps == 0 && camera.timestamps.empty())
-      warnings.push_back(camera.frames.string() + ": " + std::to_string(empty_chunks) +
-                         " of its chunks are empty, first after frame " + std::to_string(before_empty) +
-                         ": they count as frames that the camera dropped; if it dropped none, give fps");
     sum_up(lost_warnings, "frames that do not decode");
     sum_up(damage_warnings, "damaged places");
   }
@@ -635,8 +644,7 @@ struct VideoReader::Impl {
   capture::PacketPtr packet{capture::not_null(av_packet_alloc())};
   capture::PictureMaker pictures;
   int next_avi_entry = 0;
-  std::int64_t first_chunk = 0, delay_chunks = 0, empty_chunks = 0, before_empty = 0;  // of an AVI
-  std::optional<std::int64_t> last_chunk;
+  std::int64_t delay_chunks = 0;            // of an AVI, after its first picture
   std::optional<std::int64_t> clock_start;  // ticks; of a container whose clock does not start at 0
   bool is_intra_only = false;
   bool is_delayed = false;
