@@ -340,6 +340,8 @@ std::unique_ptr<PictureSource> open_pictures(std::span<const std::string> inputs
     if (inputs.size() > 1)
       throw InputError(input + ": which camera is this? Give NAME=" + input + ", or a recording alone");
     if (is_recording(input)) return open_recording(input, options);
+    if (const auto advice = recordings::advice_to_convert(input); !advice.empty())
+      throw InputError(input + " " + advice);
     if (fs::is_directory(input, error) && fs::is_empty(input, error)) throw InputError(input + ": the folder is empty");
     all = fs::is_directory(input, error) ? inside(input) : NamedInputs{};
     if (all.empty()) {

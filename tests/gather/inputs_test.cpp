@@ -174,6 +174,18 @@ TEST_F(Inputs, PicturesThatMustBeConverted) {
   EXPECT_THAT(gathered({"left=" + at("phone")}), HasSubstr("holds no images; IMG_1.HEIC is a HEIC picture"));
 }
 
+// Each command says what they are.
+TEST_F(Inputs, FilesThatAreCalledLikeBagsAndAreNone) {
+  for (const std::string name : {"noise.mcap", "noise.bag", "noise.db3"}) {
+    capture::write_text(folder / name, std::string("\xE1\x9F\x03\x80\x00\xFF", 6));
+    const auto is_named = HasSubstr("does not begin like one");
+    EXPECT_THAT(replayed({at(name)}), is_named);
+    EXPECT_THAT(replayed({"left=" + at(name)}), is_named);
+    EXPECT_THAT(gathered({at(name)}), is_named);
+    EXPECT_THAT(gathered({"left=" + at(name)}), is_named);
+  }
+}
+
 // What the table says and this file does not test: a live camera (tests/gather/live_test.cpp, end_to_end).
 TEST_F(Inputs, AreTheLinesOfTheTable) {
   const std::string readme = capture::read_bytes(fs::path(HUETRACK_SOURCE_DIR) / "service/recordings/README.md");
