@@ -196,9 +196,14 @@ std::unique_ptr<PictureSource> open_recording(const fs::path& path, const Pictur
 // For a message, of a folder in which nothing can be read: what is there instead, such as HEIC; may be empty.
 std::string unreadable_pictures(const fs::path& folder) {
   std::error_code error;
-  for (const auto& entry : fs::directory_iterator(folder, error))
-    if (const auto advice = recordings::advice_to_convert(entry.path()); !advice.empty())
-      return "; " + entry.path().filename().string() + " " + advice;
+  std::vector<fs::path> files;
+  for (const auto& entry : fs::directory_iterator(folder, error)) files.push_back(entry.path());
+  std::ranges::sort(files);
+  for (const fs::path& file : files) {
+    const std::string name = "; " + file.filename().string() + " ";
+    if (const auto advice = recordings::advice_to_convert(file); !advice.empty()) return name + advice;
+    if (is_video_file(file)) return name + "is a film: give it as NAME=FILE; parts of one must be joined first";
+  }
   return {};
 }
 

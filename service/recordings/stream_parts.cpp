@@ -75,8 +75,9 @@ std::vector<fs::path> stream_parts(const fs::path& frames) {
       throw files::ConfigError(
           parts[i], 0,
           fmt::format("begins at {:.1f} s by its time stamps, and {} ends at {:.1f} s: these are several "
-                      "takes, not the parts of one; put the parts of one take into a folder of their own",
-                      span->from_s, parts[i - 1].filename().string(), before->to_s));
+                      "takes, not the parts of one: put the parts of one take into a folder of their own; if its clock "
+                      "begins anew in every part, {}",
+                      span->from_s, parts[i - 1].filename().string(), before->to_s, how_to_join));
     before = span;
   }
   return parts;

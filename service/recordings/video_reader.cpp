@@ -162,8 +162,9 @@ struct VideoReader::Impl {
     if (!std::filesystem::exists(file, error)) fail(file, "no such file");
     if (!std::filesystem::is_regular_file(file, error))
       fail(file,
-           "is not a file: give a video, or images as a pattern like %06d.png; a folder may hold the parts of a film "
-           "(.MTS)");
+           std::string("is not a file: give a video, or images as a pattern like %06d.png; a folder may hold the parts "
+                       "of a film as transport streams (.MTS, .ts): if it holds others, ") +
+               how_to_join);
     if (std::filesystem::file_size(file, error) == 0 && !error) fail(file, "is empty");
 
     // Local files only: a play list in a recording must not access the network.
@@ -215,7 +216,9 @@ struct VideoReader::Impl {
     is_intra_only = properties && (properties->props & AV_CODEC_PROP_INTRA_ONLY) != 0;
     is_delayed = (decoder->capabilities & AV_CODEC_CAP_DELAY) != 0;
     if (!images.empty()) {
-      if (is_delayed) fail(file, std::string("images in ") + decoder->name + " are not supported: convert them to PNG");
+      if (is_delayed)
+        fail(file, std::string("is a film (") + decoder->name + "), not an image: if the files are its parts, " +
+                       how_to_join);
       is_intra_only = true;
       format.reset();
       stream = nullptr;

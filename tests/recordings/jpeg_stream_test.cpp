@@ -142,6 +142,17 @@ TEST_F(FilesOfCameras, PartsThatWereWrittenSeparatelyAreOneFilm) {
   }
 }
 
+// As action cameras write them.
+TEST_F(FilesOfCameras, ChaptersInOtherContainersMustBeJoined) {
+  for (int part = 0; part < 2; ++part)
+    capture::write_clip(folder / "card" / ("GX0" + std::to_string(part) + "0001.MP4"),
+                        {.codec = "libx264", .format = AV_PIX_FMT_YUV420P});
+  EXPECT_THAT(error_of("frames: 'card/*.MP4', fps: 10"),
+              AllOf(HasSubstr("GX000001.MP4: is a film (h264), not an image"), HasSubstr("ffmpeg -f concat")));
+  EXPECT_THAT(error_of("frames: card, fps: 10"),
+              AllOf(HasSubstr("card: is not a file"), HasSubstr("ffmpeg -f concat")));
+}
+
 TEST_F(CamcorderFolder, MayBeSplitAnywhere) {
   const Played whole = play("frames: whole.ts");
   std::filesystem::remove(folder / "STREAM" / "00010.mts");
