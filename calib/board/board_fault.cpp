@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <iterator>
 #include <opencv2/core.hpp>
 #include <set>
 #include <tuple>
@@ -77,16 +78,17 @@ Variants rearranged(const Board& board, MarkersInImages& images) {
     add([](Board& b) { b.from_bottom = !b.from_bottom; });
     add([](Board& b) { b.from_bottom = !b.from_bottom, std::swap(b.columns, b.rows); });
   }
-  add_first_markers(board, images, changed);
-  constexpr int off_by = 3;
-  for (int columns = std::max(1, board.columns - off_by); columns <= board.columns + off_by; ++columns) {
-    for (const int rows : {board.rows - 1, board.rows, board.rows + 1})
-      add([&](Board& b) { b.columns = columns, b.rows = rows; });
+  // Where a part of the board explains several, the first of them is named: the fewest changes.
+  if (board.first_marker != 0) add([](Board& b) { b.first_marker = 0; });
+  for (const int more_columns : {0, -1, 1, -2, 2, -3, 3}) {
+    for (const int more_rows : {0, -1, 1})
+      add([&](Board& b) { b.columns = std::max(1, b.columns + more_columns), b.rows += more_rows; });
   }
+  add_first_markers(board, images, changed);
   return changed;
 }
 
-// Other markers.
+// Other markers, each also at other places: without these the right markers may contradict the board more than none do.
 Variants recoded(const Board& board, MarkersInImages& images) {
   Variants changed{board, board};
   changed[0].border_bits = board.border_bits == 1 ? 2 : 1;
@@ -96,11 +98,16 @@ Variants recoded(const Board& board, MarkersInImages& images) {
     Board other = board;
     other.dictionary = dictionary.name;
     changed.push_back(other);
-    add_first_markers(other, images, changed);
     other.border_bits = other.border_bits == 1 ? 2 : 1;
     if (other.dictionary.starts_with("DICT_APRILTAG")) changed.push_back(other);
   }
-  return changed;
+  Variants arranged;
+  for (const Board& markers : changed) {
+    arranged.push_back(markers);
+    if (std::ranges::any_of(images.of(markers), [](const Markers& found) { return !found.empty(); }))
+      std::ranges::copy(rearranged(markers, images), std::back_inserter(arranged));
+  }
+  return arranged;
 }
 
 // What differs, as lines of a board file: "squares: [5, 7]" and "legacy: true".

@@ -13,6 +13,8 @@ namespace huetrack::exchange {
 Imported import_rig(std::span<const std::filesystem::path> files, const ImportOptions& options) {
   if (files.empty()) throw ExchangeError("no file to import");
   const std::filesystem::path& file = files.front();
+  if (const std::string problem = bags::problem_of_beginning(file); !problem.empty())
+    throw files::ConfigError(file, 0, problem);
   Imported out = files.size() == 1 && bags::is_bag(file) ? import_bag(file, options) : imported_from(files, options);
   for (calib::Camera& camera : out.rig.cameras) camera.cam_from_world.translation *= options.metres_per_unit;
   double widest = 0;

@@ -26,12 +26,22 @@ std::string_view without_quotes(std::string_view field) {
   return is_quoted ? field.substr(1, field.size() - 2) : field;
 }
 
+// Behind a field in quotes that begins here; 0: none does, or it does not end.
+std::size_t end_of_quotes(std::string_view text) {
+  const auto begin = text.find_first_not_of(" \t");
+  if (begin == std::string_view::npos || text[begin] != '"') return 0;
+  for (auto end = text.find('"', begin + 1); end != std::string_view::npos; end = text.find('"', end + 2))
+    if (end + 1 == text.size() || text[end + 1] != '"') return end + 1;  // two are a quote in the field
+  return 0;
+}
+
 // separator ' ': any number of blanks.
 std::vector<std::string_view> split(std::string_view text, char separator) {
   std::vector<std::string_view> parts;
   for (;;) {
     if (separator == ' ') text = without_blanks(text);
-    const auto end = separator == ' ' ? text.find_first_of(" \t") : text.find(separator);
+    const auto from = end_of_quotes(text);
+    const auto end = separator == ' ' ? text.find_first_of(" \t", from) : text.find(separator, from);
     parts.push_back(without_quotes(without_blanks(text.substr(0, end))));
     if (end == std::string_view::npos) return parts;
     text.remove_prefix(end + 1);
@@ -127,12 +137,23 @@ bool CsvTable::next() {
     }
   } while (cells_.size() == 1 && cells_.front().empty());
   require_plain_line();
+  refuse_decimal_commas();
   if (rejects_ragged_rows_ && cells_.size() != header_cells_)
     fail("has " + std::to_string(cells_.size()) + " fields, but the header has " + std::to_string(header_cells_));
   if (cells_.size() < needed_cells_)
     fail("has " + std::to_string(cells_.size()) + " columns, at least " + std::to_string(needed_cells_) +
          " are needed");
   return true;
+}
+
+// "0,0,033" under "frame,t_s": each number with a decimal comma looks like two fields.
+void CsvTable::refuse_decimal_commas() const {
+  const auto is_whole = [](std::string_view cell) { return number_of<std::int64_t>(cell).has_value(); };
+  if (separator_ != ',' || cells_.size() <= header_cells_ || !std::ranges::all_of(cells_, is_whole)) return;
+  fail(
+      fmt::format("has {} fields, but the header has {}: its numbers seem to have decimal commas, which also separate "
+                  "the fields: separate them by semicolons, or write decimal points",
+                  cells_.size(), header_cells_));
 }
 
 std::string_view CsvTable::text(std::size_t column) const {
@@ -143,10 +164,10 @@ std::string CsvTable::quoted(std::size_t column) const {
   return '"' + printable(text(column)) + '"';
 }
 
-// Where commas separate fields, none is a decimal comma.
+// Where commas separate fields, one in a field stands in quotes.
 std::string CsvTable::with_point(std::size_t column) const {
   std::string number(text(column));
-  if (separator_ != ',' && std::ranges::count(number, ',') == 1) number[number.find(',')] = '.';
+  if (std::ranges::count(number, ',') == 1) number[number.find(',')] = '.';
   return number;
 }
 

@@ -1,7 +1,7 @@
 // Reader of CSV files with a header line; columns are found by name. Fields are numbers and plain words. As
-// spreadsheets and programs write them: separated by commas, semicolons, tabs or blanks (by the header); where not by
-// commas, a number may have a decimal comma; a field may be in quotes, which enclose no separator; a header may begin
-// with # (numpy) and follow a line like sep=; (Excel). Empty lines, blanks around a field and a byte order mark are
+// spreadsheets and programs write them: separated by commas, semicolons, tabs or blanks (by the header); a number may
+// have a decimal comma, where commas do not separate or the field is in quotes; a header may begin with # (numpy) and
+// follow a line like sep=; (Excel). Empty lines, blanks around a field and a byte order mark are
 // ignored. Size limits: text_file.h.
 #pragma once
 
@@ -65,6 +65,7 @@ class CsvTable {
   void read_header();
   std::string with_point(std::size_t column) const;
   void require_plain_line() const;
+  void refuse_decimal_commas() const;
 
   std::filesystem::path file_;
   std::ifstream stream_;

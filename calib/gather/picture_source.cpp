@@ -196,9 +196,14 @@ std::unique_ptr<PictureSource> open_recording(const fs::path& path, const Pictur
 // For a message, of a folder in which nothing can be read: what is there instead, such as HEIC; may be empty.
 std::string unreadable_pictures(const fs::path& folder) {
   std::error_code error;
-  for (const auto& entry : fs::directory_iterator(folder, error))
-    if (const auto advice = recordings::advice_to_convert(entry.path()); !advice.empty())
-      return "; " + entry.path().filename().string() + " " + advice;
+  std::vector<fs::path> files;
+  for (const auto& entry : fs::directory_iterator(folder, error)) files.push_back(entry.path());
+  std::ranges::sort(files);
+  for (const fs::path& file : files) {
+    const std::string name = "; " + file.filename().string() + " ";
+    if (const auto advice = recordings::advice_to_convert(file); !advice.empty()) return name + advice;
+    if (is_video_file(file)) return name + "is a film: give it as NAME=FILE; parts of one must be joined first";
+  }
   return {};
 }
 
@@ -340,6 +345,8 @@ std::unique_ptr<PictureSource> open_pictures(std::span<const std::string> inputs
     if (inputs.size() > 1)
       throw InputError(input + ": which camera is this? Give NAME=" + input + ", or a recording alone");
     if (is_recording(input)) return open_recording(input, options);
+    if (const auto advice = recordings::advice_to_convert(input); !advice.empty())
+      throw InputError(input + " " + advice);
     if (fs::is_directory(input, error) && fs::is_empty(input, error)) throw InputError(input + ": the folder is empty");
     all = fs::is_directory(input, error) ? inside(input) : NamedInputs{};
     if (all.empty()) {

@@ -1060,6 +1060,8 @@ ServiceConfig load_service_config(const fs::path& file) {
     throw files::ConfigError(file, 0,
                              "is a video, a picture or a bag, not a configuration with rig and targets "
                              "(configs/huetrackd.yaml has every key): huetrackd replay my.yaml left=a.mp4 right=b.mp4");
+  if (const auto advice = recordings::advice_to_convert(file); !advice.empty())
+    throw files::ConfigError(file, 0, advice);
   const yaml::YamlReader written = yaml::YamlReader::file(file);
   refuse_other_files(written);
   const fs::path beside = taught_file(file);

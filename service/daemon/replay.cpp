@@ -296,6 +296,18 @@ double tracked_share(const TargetSummary& target) {
   return all == 0 ? 0 : double(tracked) / double(all);
 }
 
+// Where the rig does not explain the views: cameras whose files turn their pictures by a tag. Empty: none.
+std::string turned_text(const recordings::ReplaySource& source) {
+  std::vector<std::string> turned;
+  for (const auto& camera : source.cameras())
+    if (camera.is_turned) turned.push_back(camera.name);
+  if (turned.empty()) return {};
+  return fmt::format(
+      "the pictures of {} are turned as a tag of {} says, which may explain that: the rig must be calibrated with "
+      "pictures that are turned alike; otherwise remove the tags",
+      fmt::join(turned, " and "), turned.size() == 1 ? "the file" : "their files");
+}
+
 // config: in force at the end. figures: after the run
 ReplaySummary summary_of(const config::ServiceConfig& config, const ReplayCommand& command,
                          const pipeline::PipelineFigures& figures, const recordings::ReplaySource& source,
@@ -389,6 +401,9 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   if (playback.played != nullptr) summary.held_s = capture::seconds(playback.played->paused());
   summary.wall_s -= summary.held_s;
   summary.mistakes = reports.mistakes.summary();
+  std::ranges::copy(playback.source->mistakes(), std::back_inserter(summary.mistakes));
+  if (const std::string turned = turned_text(*playback.source); reports.mistakes.has_explained_rig() && !turned.empty())
+    summary.mistakes.push_back(turned);
   const std::string unit_mistake = config::unit_mistake(config);
   if (!unit_mistake.empty()) summary.mistakes.push_back(unit_mistake);
   // Advice about the search would mislead next to a mistake that explains the problem.

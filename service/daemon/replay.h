@@ -57,7 +57,7 @@ struct ReplaySummary {
   double wall_s = 0;                     // until the last estimate, without held_s and pictures
   double held_s = 0;                     // while paused
   std::vector<TargetSummary> targets;
-  std::vector<std::string> mistakes;     // in rig and configuration, one sentence each
+  std::vector<std::string> mistakes;     // in rig, configuration and recording, one sentence each
   std::vector<std::string> clutter;      // static clutter of a target's colour and extra objects, one sentence each
   std::vector<std::string> times;        // timing of the cameras, one sentence each
   std::vector<std::string> calibration;  // moved cameras, one sentence each

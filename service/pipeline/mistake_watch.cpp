@@ -35,6 +35,7 @@ double inflation_rad(const view_watch::Mistake& mistake, const calib::Camera& ca
     case MistakeKind::late:
     case MistakeKind::uneven_times:
     case MistakeKind::mirrored:
+    case MistakeKind::upside_down:
     case MistakeKind::other_rig:
     case MistakeKind::contradiction: {
       // off_px is a median across the epipolar lines; the error along them is unknown and taken to be as large.

@@ -15,6 +15,29 @@
 namespace huetrack::pipeline {
 namespace {
 
+// Frames that the rig does not fit, and what users do about it.
+std::string other_size_text(const calib::Camera& expected, const calib::ImageSize& size) {
+  const calib::ImageSize& own = expected.image_size;
+  const auto text_of = [](const calib::ImageSize& of) {
+    return std::to_string(of.width) + "x" + std::to_string(of.height);
+  };
+  std::string text = "camera " + expected.name + ": its frames are " + text_of(size) +
+                     ", but the rig was calibrated at " + text_of(own) + ": ";
+  const bool are_beside = size == calib::ImageSize{2 * own.width, own.height};
+  const bool are_below = size == calib::ImageSize{own.width, 2 * own.height};
+  if (are_beside || are_below) {
+    const std::string part = "0, " + text_of(own).replace(text_of(own).find('x'), 1, ", ") + "]";
+    return text + "if they show two cameras " + (are_beside ? "side by side" : "one below the other") +
+           ", give this camera its part, crop: [0, " + part + " or crop: [" +
+           (are_beside ? std::to_string(own.width) + ", " + part
+                       : "0, " + std::to_string(own.height) + part.substr(1)) +
+           "; otherwise calibrate at this size";
+  }
+  if (size == calib::ImageSize{own.height, own.width})
+    return text + "they are turned by 90 degrees: turn the camera back or correct the rotation tag, or calibrate again";
+  return text + "use frames of that size, or calibrate at this one";
+}
+
 using Clock = std::chrono::steady_clock;
 using namespace std::chrono_literals;
 
@@ -275,10 +298,7 @@ void Pipeline::receive(capture::Frame frame) {
     const calib::Camera& expected = rig_.cameras[camera];
     const calib::ImageSize size{frame.pixels.width, frame.pixels.height};
     if (size != expected.image_size) {
-      throw std::runtime_error(
-          "camera " + expected.name + ": its frames are " + std::to_string(size.width) + "x" +
-          std::to_string(size.height) + ", but the rig was calibrated at " + std::to_string(expected.image_size.width) +
-          "x" + std::to_string(expected.image_size.height) + ": use frames of that size, or calibrate at this one");
+      throw std::runtime_error(other_size_text(expected, size));
     }
     if (frame.camera == tracked_camera_ && !capture::has_pixels(frame.pixels))
       throw std::runtime_error("camera " + expected.name +

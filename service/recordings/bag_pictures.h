@@ -28,6 +28,7 @@ class BagPictures final : public PictureStream {
   BagPictures(const RecordedCamera& camera, std::vector<std::string>& warnings, bool keeps_encoded);
 
   std::optional<Shown> next() override;
+  std::int64_t position() const override { return index_; }
   std::optional<std::int64_t> frame_count() const override { return messages_.messages(); }
   capture::Duration frame_period() const override { return period_; }  // the median of the first; 0: unknown
 

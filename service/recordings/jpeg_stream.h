@@ -27,6 +27,7 @@ class JpegStream final : public PictureStream {
   JpegStream(const RecordedCamera& camera, std::vector<std::string>& warnings, bool keeps_encoded);
 
   std::optional<Shown> next() override;
+  std::int64_t position() const override { return index_; }
 
  private:
   const RecordedCamera& camera_;

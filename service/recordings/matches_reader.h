@@ -28,6 +28,7 @@ class MatchesReader final : public PictureStream {
   MatchesReader(const RecordedCamera& camera, std::vector<std::string>& warnings, bool keeps_encoded);
 
   std::optional<Shown> next() override;
+  std::int64_t position() const override { return index_; }
 
  private:
   bool read(std::vector<std::uint8_t>& bytes);

@@ -23,9 +23,12 @@ class PictureStream {
  public:
   virtual ~PictureStream() = default;
   virtual std::optional<Shown> next() = 0;  // the next selected picture; nullopt at the end. Never throws.
+  // Pictures of the stream up to the next one to be read; at the end: all.
+  virtual std::int64_t position() const = 0;
   // Of the whole stream, as declared by the file: may be wrong. nullopt: unknown
   virtual std::optional<std::int64_t> frame_count() const { return std::nullopt; }
   virtual capture::Duration frame_period() const { return capture::Duration::zero(); }  // usual; 0 when unknown
+  virtual bool is_turned() const { return false; }                                      // its pictures, as a tag says
   // Of a container whose clock does not start at 0: its time at the first picture, whose stamp is 0.
   virtual std::optional<capture::Duration> clock_start() const { return std::nullopt; }
 };

@@ -196,6 +196,8 @@ Recording read_recording(const std::filesystem::path& path) {
   if (bags::is_bag(absolute)) return recording_of_bag(absolute.lexically_normal());
   const auto folder = recording.file.parent_path();
   refuse_videos(recording.file);
+  if (const auto advice = advice_to_convert(recording.file); !advice.empty())
+    throw files::ConfigError(recording.file, 0, advice);
   const auto yaml = yaml::YamlReader::file(recording.file);
   if (yaml.has("rig") || yaml.has("targets"))
     yaml.fail(
@@ -231,6 +233,9 @@ Recording read_recording(const std::filesystem::path& path) {
       if (camera.timestamps.empty() && camera.corrupted.empty())
         recording.warnings.push_back(csv.string() + ": lists no frames: camera " + name + " delivered none");
     }
+    camera.trusts_times = entry.boolean("trust_times", false);
+    if (camera.trusts_times && camera.fps == 0 && !entry.has("timestamps"))
+      entry.fail("trust_times", "is for fps or timestamps, and neither is given");
     entry.finish();
     recording.cameras.push_back(std::move(camera));
   }

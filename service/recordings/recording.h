@@ -8,6 +8,7 @@
 //                                                                   frame,t_s,sequence,arrival,stamp_s,clock,clock_sigma_ns
 //     fast:  {frames: fast.mkv, fps: 60, first_frame: 1, every: 2}  # frames 1, 3, 5, ... at 1/60, 3/60, 5/60 s
 //     robot: {frames: run.mcap, topic: /robot/image_raw}            # a ROS bag; topic may be omitted where it is clear
+//     slow:  {frames: slow.mp4, fps: 240, trust_times: true}        # though the file says 30
 //     half:  {frames: stereo.mkv, crop: [640, 0, 640, 480]}         # u, v, width, height
 // frames: anything that FFmpeg reads, a printf pattern or glob of images, or a bag. Relative paths start at the yaml
 // file.
@@ -32,6 +33,7 @@ struct RecordedCamera {
   std::filesystem::path frames;            // absolute: a video, a printf pattern, a glob, a split film, or a ROS bag
   std::string topic = {};                  // of a bag; never empty then
   std::optional<capture::Crop> crop = {};  // the camera's image is this part of every picture
+  bool trusts_times = false;               // fps or timestamps are right, even if the file contradicts them
   double fps = 0;                          // > 0: regular times, frame k was captured at k / fps + offset
   capture::Duration offset{0};             // added to every capture time
   // (frame in the stream, capture time before the offset), both strictly ascending. Frames that are not listed are not
@@ -80,7 +82,8 @@ bool is_video_or_picture(const std::filesystem::path& file);
 // Whether a folder holds the parts of a film (camcorders: .MTS, .m2ts), which `frames` may name instead of a video.
 bool is_split_film(const std::filesystem::path& folder);
 
-// What a file is that no part of huetrack reads, and the command that converts it, such as HEIC; empty: not known.
+// What a file is that no part of huetrack reads, and what to do with it: HEIC, archives, bags that are cut off at their
+// beginning, pointers of Git LFS. Empty: not known.
 std::string advice_to_convert(const std::filesystem::path& file);
 
 // path: the yaml file, or the folder that holds recording.yaml; or a ROS bag (bags/bag.h), all of whose topics of

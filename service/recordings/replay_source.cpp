@@ -7,11 +7,11 @@
 #include <cmath>
 #include <deque>
 #include <iterator>
+#include <limits>
 #include <stdexcept>
 #include <utility>
 
 #include "calib/files/config_error.h"
-#include "calib/files/csv_table.h"
 #include "calib/files/nearest_word.h"
 #include "capture/frames/crop.h"
 #include "capture/timing/camera_clock.h"
@@ -19,6 +19,7 @@
 #include "recordings/jpeg_stream.h"
 #include "recordings/matches_reader.h"
 #include "recordings/picture_stream.h"
+#include "recordings/stated_times.h"
 #include "recordings/video_reader.h"
 
 namespace huetrack::recordings {
@@ -43,6 +44,15 @@ capture::Duration usual_period(const RecordedCamera& camera, const FrameSelectio
   return *middle;
 }
 
+// camera and warnings must outlive it. throws ConfigError
+std::unique_ptr<PictureStream> reader_of(const RecordedCamera& camera, const ReplayOptions& options,
+                                         std::vector<std::string>& warnings) {
+  if (is_matches_file(camera.frames)) return std::make_unique<MatchesReader>(camera, warnings, options.keeps_encoded);
+  if (!camera.topic.empty()) return std::make_unique<BagPictures>(camera, warnings, options.keeps_encoded);
+  if (is_jpeg_stream(camera.frames)) return std::make_unique<JpegStream>(camera, warnings, options.keeps_encoded);
+  return std::make_unique<VideoReader>(camera, options.decoder_threads, warnings, std::nullopt, options.keeps_encoded);
+}
+
 // One camera's file as frames with times and numbers.
 class Stream {
  public:
@@ -59,15 +69,7 @@ class Stream {
     const bool is_cut_off = !camera_.received.empty() && std::filesystem::exists(camera_.frames);
     const bool has_matches = is_matches_file(camera_.frames);
     try {
-      if (has_matches)
-        reader_ = std::make_unique<MatchesReader>(camera_, warnings, options.keeps_encoded);
-      else if (!camera_.topic.empty())
-        reader_ = std::make_unique<BagPictures>(camera_, warnings, options.keeps_encoded);
-      else if (is_jpeg_stream(camera_.frames))
-        reader_ = std::make_unique<JpegStream>(camera_, warnings, options.keeps_encoded);
-      else
-        reader_ = std::make_unique<VideoReader>(camera_, options.decoder_threads, warnings, std::nullopt,
-                                                options.keeps_encoded);
+      reader_ = reader_of(camera_, options, warnings);
     } catch (const files::ConfigError&) {
       if (!is_cut_off) throw;
       forget();
@@ -84,7 +86,11 @@ class Stream {
     info_.frame_period = !camera_.timestamps.empty() ? usual_period(camera_, selection_)
                          : camera_.fps > 0 ? capture::duration_of(static_cast<double>(camera_.every) / camera_.fps)
                                            : camera_.every * reader_->frame_period();
-    require_a_fitting_unit();
+    if (is_listed_by_others()) {
+      count_frames_from_0(options);
+      judge_listed_times();
+    }
+    if (camera_.fps > 0 && !camera_.trusts_times) given_rate_.emplace(camera_.fps, reader_->frame_period());
     if (!camera_.timestamps.empty())
       info_.expected_frames = selection_.count_below(camera_.timestamps.back().first + 1);
     else if (const auto count = reader_->frame_count())
@@ -139,6 +145,7 @@ class Stream {
   }
 
   const ReplayCamera& info() const { return info_; }
+  const std::vector<std::string>& mistakes() const { return mistakes_; }
 
   bool ended() const {
     return waiting_.empty() && !picture_ && (!reader_ || ended_) && next_corrupted_ == camera_.corrupted.size();
@@ -261,10 +268,9 @@ class Stream {
   std::optional<capture::Timestamp> capture_time(const Shown& picture) {
     if (!camera_.timestamps.empty()) return camera_.timestamps[row_of(picture.index)].second + camera_.offset;
     if (camera_.fps > 0) {
-      if (picture.stamp) {
-        if (!first_stamp_) first_stamp_ = {picture.index, *picture.stamp};
-        warn_of_rate(picture);
-        warn_of_gap(picture);
+      if (picture.stamp && given_rate_) {
+        given_rate_->see(picture.index, *picture.stamp);
+        for (std::string& problem : given_rate_->take_problems()) contradict(std::move(problem));
       }
       // rounded once, from the exact time
       const long double since_start = static_cast<long double>(picture.index) * 1e9L / camera_.fps;
@@ -275,58 +281,46 @@ class Stream {
     return std::nullopt;
   }
 
-  // Listed times in another unit than their column's name says: a thousand times, or a thousandth of, the frame period
-  // of the file itself.
-  void require_a_fitting_unit() const {
-    const double listed_s = capture::seconds(info_.frame_period);
-    const double stored_s =
-        reader_ ? static_cast<double>(camera_.every) * capture::seconds(reader_->frame_period()) : 0;
-    if (camera_.timestamps.empty() || !(listed_s > 0) || !(stored_s > 0)) return;
-    constexpr double most_beside =
-        0.15;  // of a factor 1000, as an exponent: a camera may be 3 times slower than the file
-    const double thousands = std::log(listed_s / stored_s) / std::log(1000.0);
-    const auto unit = static_cast<long>(camera_.times_unit) + std::lround(thousands);
-    if (std::lround(thousands) == 0 || std::abs(thousands - std::round(thousands)) > most_beside || unit < 0 ||
-        unit >= static_cast<long>(files::time_units.size()))
-      return;
-    const auto fits = static_cast<std::size_t>(unit);
-    throw files::ConfigError(
-        camera_.times_file, 0,
-        fmt::format(
-            "its times are {:.4g} s apart, if they are {}, but the frames of {} are {:.4g} s apart: they look like "
-            "{}: name the column t_{}",
-            listed_s, files::time_unit_names[camera_.times_unit], camera_.frames.string(), stored_s,
-            files::time_unit_names[fits], files::time_units[fits]));
+  // A table of another program or a person, for a film or pictures: our own cannot contradict its file.
+  bool is_listed_by_others() const {
+    return reader_ && !camera_.timestamps.empty() && camera_.received.empty() && !is_matches_file(camera_.frames);
   }
 
-  // A typed fps is wrong more often than a file's; but it may be intended, for slow motion.
-  void warn_of_rate(const Shown& picture) {
-    constexpr std::int64_t enough = 4;  // frames
-    const auto count = picture.index - first_stamp_->first;
-    if (!reader_ || count < enough || std::exchange(knows_rate_, true)) return;
-    // Some headers count empty chunks, and stamps may have a gap: both must contradict.
-    const double period_s = capture::seconds(*picture.stamp - first_stamp_->second) / static_cast<double>(count);
-    const auto contradicts = [&](double s) {
-      constexpr double slack = 0.02;  // 29.97 is 30
-      return s > 0 && std::abs(camera_.fps * s - 1) >= slack;
-    };
-    if (!contradicts(period_s) || !contradicts(capture::seconds(reader_->frame_period()))) return;
-    warn(fmt::format("fps says {:g}, the file itself {:.4g} frames a second: if the file is right, leave fps out",
-                     camera_.fps, 1 / period_s));
+  // Spreadsheets and other tools count from 1: then the last row is one beyond the last frame, and none is 0.
+  void count_frames_from_0(const ReplayOptions& options) {
+    auto& rows = camera_.timestamps;
+    if (rows.front().first < 1 || camera_.first_frame > 0 || camera_.every > 1) return;
+    if (frame_count(options) == rows.back().first) {
+      for (auto& [frame, at] : rows) --frame;
+      warn(camera_.times_file.filename().string() + " counts its frames from 1, since frame " +
+           std::to_string(rows.back().first + 1) + " is the last one: they are played so");
+    } else if (rows.front().first == 1) {
+      warn(camera_.times_file.filename().string() +
+           " has no row for frame 0, the first one: if it counts frames from 1, subtract 1");
+    }
   }
 
-  // A missing frame in a file of the stated rate: all later times are wrong by a frame.
-  void warn_of_gap(const Shown& picture) {
-    const capture::Duration period = capture::duration_of(1 / camera_.fps);
-    if (warned_of_gap_ || !reader_) return;
-    const capture::Duration by_stamps = *picture.stamp - first_stamp_->second;
-    const capture::Duration gap = by_stamps - (picture.index - first_stamp_->first) * period;
-    if (std::chrono::abs(reader_->frame_period() - period) > period / 50 || gap < period * 9 / 10 ||
-        gap > period * 10 + by_stamps / 10)  // the file has another rate, or other units
-      return;
-    warned_of_gap_ = true;
-    warn("its own time stamps say that a frame is missing before frame " + std::to_string(picture.index) +
-         ": from there on, fps gives times that are too early. Leave fps out to use the file's time stamps");
+  // Of the whole stream. The header of some containers has only a length: the pictures are counted where that is close
+  // to the rows.
+  std::optional<std::int64_t> frame_count(const ReplayOptions& options) const {
+    constexpr std::int64_t error_of_a_length = 2;  // frames
+    const auto stated = reader_->frame_count();
+    if (stated && std::abs(*stated - camera_.timestamps.back().first) > error_of_a_length) return stated;
+    RecordedCamera all = camera_;
+    all.timestamps.clear();
+    all.every = std::numeric_limits<std::int64_t>::max();  // of what is not predicted only the first is decoded
+    std::vector<std::string> remarks;                      // the reader repeats them
+    const auto counting = reader_of(all, options, remarks);
+    while (counting->next()) {
+    }
+    return counting->position();
+  }
+
+  void judge_listed_times() {
+    if (camera_.trusts_times) return;
+    const auto problem = problem_of_listed_times(camera_, reader_->frame_period());
+    if (problem && problem->is_of_unit) throw files::ConfigError(camera_.times_file, 0, problem->text);
+    if (problem) contradict(camera_.times_file.filename().string() + ": " + problem->text);
   }
 
   bool has_the_size(const Shown& picture) {
@@ -359,6 +353,7 @@ class Stream {
     info_.height = picture.image.height;
     info_.format = picture.image.format;
     info_.range = picture.image.range;
+    info_.is_turned = reader_->is_turned();
     return true;
   }
 
@@ -386,6 +381,12 @@ class Stream {
       warn(fmt::format("{} frames have no time stamp and are left out: give fps or timestamps", unstamped_));
   }
 
+  // Times that the file contradicts: wrong, unless trust_times confirms them.
+  void contradict(std::string text) {
+    mistakes_.push_back(camera_.frames.string() + ": " + std::move(text) + " (camera " + camera_.name + ")");
+    warnings_.push_back(mistakes_.back());
+  }
+
   void warn(const std::string& text) { warnings_.push_back(camera_.frames.string() + ": " + text); }
 
   int camera_index_;
@@ -401,11 +402,10 @@ class Stream {
   int width_ = 0, height_ = 0;  // of every picture, of which the camera's image may be a part
   std::deque<capture::Frame> waiting_;
   std::optional<capture::Timestamp> last_stamp_;
-  std::optional<std::int64_t> first_index_, last_index_;                    // in the stream, of the played pictures
-  std::optional<std::uint32_t> last_number_;                                // Frame::sequence
-  std::optional<std::pair<std::int64_t, capture::Timestamp>> first_stamp_;  // index and the container's time
-  bool knows_rate_ = false;
-  bool warned_of_gap_ = false;
+  std::optional<std::int64_t> first_index_, last_index_;  // in the stream, of the played pictures
+  std::optional<std::uint32_t> last_number_;              // Frame::sequence
+  std::optional<GivenRate> given_rate_;                   // fps beside the container's times
+  std::vector<std::string> mistakes_;
   std::int64_t unstamped_ = 0, back_count_ = 0;             // left out
   std::pair<std::int64_t, capture::Timestamp> first_back_;  // index, and the time before
   capture::Duration furthest_back_{0};
@@ -551,6 +551,12 @@ std::optional<capture::Timestamp> ReplaySource::first_at() const {
   for (const auto& stream : impl_->streams)
     if (const auto at = stream->info().first_at) first = std::min(first.value_or(*at), *at);
   return first;
+}
+
+std::vector<std::string> ReplaySource::mistakes() const {
+  std::vector<std::string> all;
+  for (const auto& stream : impl_->streams) std::ranges::copy(stream->mistakes(), std::back_inserter(all));
+  return all;
 }
 
 std::vector<std::string> ReplaySource::take_warnings() {

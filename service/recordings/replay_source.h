@@ -29,6 +29,7 @@ struct ReplayCamera {
   int height = 0;
   capture::PixelFormat format = capture::PixelFormat::grey;  // of the first frame
   capture::ColorRange range = capture::ColorRange::limited;
+  bool is_turned = false;                       // as a tag of the file says
   capture::Duration frame_period{0};            // usual time between two frames; 0 when unknown
   std::optional<capture::Timestamp> first_at;   // capture time of the first frame; nullopt: the camera delivered none
   std::optional<std::int64_t> expected_frames;  // from the file and the time stamps, before all is read
@@ -60,6 +61,8 @@ class ReplaySource final : public capture::FrameSource {
   std::optional<std::int64_t> expected_frames() const;  // of all cameras
   std::optional<capture::Timestamp> first_at() const;   // of all cameras; nullopt: there are no frames
   std::vector<std::string> take_warnings();             // since the last call, one line each
+  // Times of the recording that its files contradict, so far; one line each, which are among the warnings, too.
+  std::vector<std::string> mistakes() const;
 
  private:
   struct Impl;

@@ -6,9 +6,7 @@
 #include <array>
 #include <cctype>
 #include <cmath>
-#include <fstream>
 #include <optional>
-#include <string_view>
 #include <utility>
 
 #include "calib/files/config_error.h"
@@ -77,8 +75,9 @@ std::vector<fs::path> stream_parts(const fs::path& frames) {
       throw files::ConfigError(
           parts[i], 0,
           fmt::format("begins at {:.1f} s by its time stamps, and {} ends at {:.1f} s: these are several "
-                      "takes, not the parts of one; put the parts of one take into a folder of their own",
-                      span->from_s, parts[i - 1].filename().string(), before->to_s));
+                      "takes, not the parts of one: put the parts of one take into a folder of their own; if its clock "
+                      "begins anew in every part, {}",
+                      span->from_s, parts[i - 1].filename().string(), before->to_s, how_to_join));
     before = span;
   }
   return parts;
@@ -89,36 +88,6 @@ bool is_split_film(const fs::path& folder) {
   if (!fs::is_directory(folder, error)) return false;
   const fs::directory_iterator entries(folder, error);
   return std::ranges::any_of(entries, [](const auto& entry) { return is_transport_stream(entry.path()); });
-}
-
-std::string ffmpeg_address(const std::vector<fs::path>& parts) {
-  if (parts.size() == 1) return "file:" + parts.front().string();
-  std::string address = "concat:";
-  for (const fs::path& part : parts) {
-    if (part.string().find('|') != std::string::npos)
-      throw files::ConfigError(part, 0, "has a | in its name, which FFmpeg cannot read among several files: rename it");
-    address += (address.ends_with(':') ? "file:" : "|file:") + part.string();
-  }
-  return address;
-}
-
-std::string advice_to_convert(const fs::path& file) {
-  std::error_code error;
-  if (!fs::is_regular_file(file, error)) return {};
-  std::array<char, 12> bytes{};
-  std::ifstream(file, std::ios::binary).read(bytes.data(), bytes.size());
-  const std::string_view head(bytes.data(), bytes.size());
-  if (head.substr(4, 4) != "ftyp") return {};
-  const std::string_view brand = head.substr(8, 4);
-  const std::string stem = file.stem().string();
-  if (brand == "avif" || brand == "avis")
-    return "is an AVIF picture, which is not read: convert it, with `heif-convert -q 98 " + file.filename().string() +
-           " " + stem + ".jpg` (Debian package libheif-examples)";
-  if (brand == "heic" || brand == "heix" || brand == "hevc" || brand == "heim" || brand == "mif1" || brand == "msf1")
-    return "is a HEIC picture, as phones take them, which is not read: convert it, with `heif-convert -q 98 " +
-           file.filename().string() + " " + stem +
-           ".jpg` (Debian package libheif-examples), or let the phone store JPEG";
-  return {};
 }
 
 }  // namespace huetrack::recordings

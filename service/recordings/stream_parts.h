@@ -3,16 +3,16 @@
 #pragma once
 
 #include <filesystem>
-#include <string>
 #include <vector>
 
 namespace huetrack::recordings {
 
+// Parts of one film that cannot be read as such: chapters of action cameras (.MP4), clocks that begin anew.
+inline constexpr const char* how_to_join =
+    "join them: ffmpeg -f concat -safe 0 -i LIST -c copy OUT.mp4, where LIST has a line file 'NAME' for each";
+
 // The MPEG transport streams of a folder, or of a glob that matches only such, by their numbers. Empty: frames is
 // neither. throws ConfigError: one does not go on where the one before it ends, by their time stamps
 std::vector<std::filesystem::path> stream_parts(const std::filesystem::path& frames);
-
-// What FFmpeg opens: one file, or several back to back.
-std::string ffmpeg_address(const std::vector<std::filesystem::path>& parts);
 
 }  // namespace huetrack::recordings

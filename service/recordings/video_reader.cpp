@@ -16,6 +16,7 @@
 #include "capture/ffmpeg/ffmpeg_picture.h"
 #include "capture/ffmpeg/stream_decoder.h"
 #include "capture/jpeg/jpeg_reader.h"
+#include "recordings/joined_parts.h"
 #include "recordings/picture_order.h"
 #include "recordings/stream_parts.h"
 
@@ -161,13 +162,14 @@ struct VideoReader::Impl {
     if (!std::filesystem::exists(file, error)) fail(file, "no such file");
     if (!std::filesystem::is_regular_file(file, error))
       fail(file,
-           "is not a file: give a video, or images as a pattern like %06d.png; a folder may hold the parts of a film "
-           "(.MTS)");
+           std::string("is not a file: give a video, or images as a pattern like %06d.png; a folder may hold the parts "
+                       "of a film as transport streams (.MTS, .ts): if it holds others, ") +
+               how_to_join);
     if (std::filesystem::file_size(file, error) == 0 && !error) fail(file, "is empty");
 
     // Local files only: a play list in a recording must not access the network.
     AVDictionary* options = nullptr;
-    av_dict_set(&options, "protocol_whitelist", "file,concat", 0);
+    av_dict_set(&options, "protocol_whitelist", "file", 0);
     av_dict_set(&options, "format_whitelist", films, 0);
     av_dict_set(&options, "pattern_type", "none", 0);                       // image_files_of() handles series of images
     AVFormatContext* opened = capture::not_null(avformat_alloc_context());  // freed if it cannot be opened
@@ -176,13 +178,17 @@ struct VideoReader::Impl {
       opened->interrupt_callback = {
           [](void* stop) { return static_cast<const std::stop_token*>(stop)->stop_requested() ? 1 : 0; }, &*growing};
     }
-    const int open_error = avformat_open_input(&opened, ffmpeg_address(parts).c_str(), nullptr, &options);
+    if (parts.size() > 1) {
+      joined = std::make_unique<JoinedParts>(parts);
+      opened->pb = joined->io();
+    }
+    const int open_error = avformat_open_input(&opened, ("file:" + file.string()).c_str(), nullptr, &options);
     av_dict_free(&options);
     if (open_error < 0) {
       const std::string said = log.take();
+      if (const auto advice = advice_to_convert(file); !advice.empty()) fail(file, advice);
       if (said.find("whitelist") != std::string::npos)
         fail(file, "is no film: a play list, or what else only names other files, is not followed");
-      if (const auto advice = advice_to_convert(file); !advice.empty()) fail(file, advice);
       fail(file, "is not a video or image that FFmpeg can read: " + capture::error_text(open_error) + said);
     }
     format.reset(opened);
@@ -210,7 +216,9 @@ struct VideoReader::Impl {
     is_intra_only = properties && (properties->props & AV_CODEC_PROP_INTRA_ONLY) != 0;
     is_delayed = (decoder->capabilities & AV_CODEC_CAP_DELAY) != 0;
     if (!images.empty()) {
-      if (is_delayed) fail(file, std::string("images in ") + decoder->name + " are not supported: convert them to PNG");
+      if (is_delayed)
+        fail(file, std::string("is a film (") + decoder->name + "), not an image: if the files are its parts, " +
+                       how_to_join);
       is_intra_only = true;
       format.reset();
       stream = nullptr;
@@ -219,7 +227,10 @@ struct VideoReader::Impl {
       const std::string_view container = format->iformat->name;
       is_avi = container == "avi";
       has_stamps = std::ranges::count(elementary_streams, container) == 0;
-      if (is_avi) order.count_packets();
+      if (is_avi) {
+        order.count_packets();
+        find_empty_chunks();
+      }
       count_listed_packets(container);
       // A transport or program stream's clock begins anywhere: players begin at its first picture.
       const bool begins_anywhere = (format->iformat->flags & AVFMT_TS_DISCONT) != 0;
@@ -345,6 +356,7 @@ struct VideoReader::Impl {
     if (!is_avi || packet->dts == AV_NOPTS_VALUE) return;
     packet->pts = packet->dts;
     packets = std::max(packets, packet->dts + 1);  // empty chunks are none
+    if (packet->dts > 0) packet->pts -= delay_chunks;
     if (packet->pos < 0) return;
     const AVIndexEntry* entry = nullptr;
     for (; next_avi_entry < avformat_index_get_entries_count(stream); ++next_avi_entry) {
@@ -352,9 +364,34 @@ struct VideoReader::Impl {
       if (next->pos > packet->pos) break;
       entry = next;
     }
-    if (!entry || entry->timestamp <= packet->pts) return;
-    packet->pts = entry->timestamp;
+    if (!entry || entry->timestamp - delay_chunks <= packet->pts) return;
+    packet->pts = entry->timestamp - delay_chunks;
     damaged = true;
+  }
+
+  // An empty chunk of an AVI stands for a picture that was dropped; but encoders of B frames write one after the first
+  // picture, while they wait for the next ones, and some programs write one after every picture.
+  void find_empty_chunks() {
+    const int count = avformat_index_get_entries_count(stream);
+    std::vector<std::int64_t> steps;
+    for (int i = 1; i < count; ++i)
+      steps.push_back(avformat_index_get_entry(stream, i)->timestamp -
+                      avformat_index_get_entry(stream, i - 1)->timestamp);
+    if (steps.size() < 2 || stream->codecpar->video_delay == 0) return;
+    std::vector<std::int64_t> sorted = steps;
+    const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
+    std::ranges::nth_element(sorted, middle);
+    if (const auto waits = steps[0] - *middle; waits > 0 && waits <= stream->codecpar->video_delay * *middle) {
+      delay_chunks = waits;
+      steps[0] = *middle;
+    }
+    const auto first = std::ranges::find_if(steps, [&](std::int64_t step) { return step > *middle; });
+    if (first == steps.end() || camera.fps > 0 || !camera.timestamps.empty()) return;
+    const auto places = std::ranges::count_if(steps, [&](std::int64_t step) { return step > *middle; });
+    warnings.push_back(camera.frames.string() + ": has empty chunks at " + std::to_string(places) +
+                       (places == 1 ? " place" : " places") + ", first after picture " +
+                       std::to_string(first - steps.begin()) +
+                       " of the file: they count as frames that the camera dropped; if it dropped none, give fps");
   }
 
   // For a decoder without delay: packet number equals frame number.
@@ -433,7 +470,7 @@ struct VideoReader::Impl {
         order.sent(has_pts ? std::optional(packet->pts) : std::nullopt, is_trimmed);
         if (has_pts) sent_key = std::max(sent_key, packet->pts);
       }
-      if (codec.send(packet.get()) < 0) order.failed();
+      if (packet->size > 0 && codec.send(packet.get()) < 0) order.failed();  // an empty one would be the end
     }
     receive();
   }
@@ -601,14 +638,16 @@ struct VideoReader::Impl {
   const bool keeps_jpeg;
   std::shared_ptr<const std::vector<std::uint8_t>> jpeg_bytes = {};  // of the next picture
   std::size_t next_image = 0;
-  capture::InputPtr format;    // null for images
-  AVStream* stream = nullptr;  // of format
+  std::unique_ptr<JoinedParts> joined;  // of format, when it has several parts
+  capture::InputPtr format;             // null for images
+  AVStream* stream = nullptr;           // of format
   capture::StreamDecoder codec;
   PictureOrder order;  // of a delayed decoder's
   capture::JpegReader jpeg;
   capture::PacketPtr packet{capture::not_null(av_packet_alloc())};
   capture::PictureMaker pictures;
   int next_avi_entry = 0;
+  std::int64_t delay_chunks = 0;            // of an AVI, after its first picture
   std::optional<std::int64_t> clock_start;  // ticks; of a container whose clock does not start at 0
   bool is_intra_only = false;
   bool is_delayed = false;
@@ -646,6 +685,10 @@ std::optional<VideoReader::Shown> VideoReader::next() {
   return impl_->next();
 }
 
+std::int64_t VideoReader::position() const {
+  return impl_->index;
+}
+
 std::optional<std::int64_t> VideoReader::frame_count() const {
   return impl_->frame_count();
 }
@@ -654,6 +697,10 @@ capture::Duration VideoReader::frame_period() const {
   if (!impl_->stream) return capture::Duration::zero();
   const double rate = av_q2d(impl_->stream->avg_frame_rate);
   return rate > 0 && std::isfinite(rate) ? capture::duration_of(1 / rate) : capture::Duration::zero();
+}
+
+bool VideoReader::is_turned() const {
+  return impl_->pictures.turns();
 }
 
 std::optional<capture::Duration> VideoReader::clock_start() const {

@@ -41,9 +41,11 @@ class VideoReader final : public PictureStream {
   VideoReader& operator=(const VideoReader&) = delete;
 
   std::optional<Shown> next() override;
+  std::int64_t position() const override;
   std::optional<std::int64_t> frame_count() const override;
   capture::Duration frame_period() const override;  // average
   std::optional<capture::Duration> clock_start() const override;
+  bool is_turned() const override;
 
  private:
   struct Impl;

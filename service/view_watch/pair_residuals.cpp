@@ -84,8 +84,9 @@ PairComparison::Placed PairComparison::placed(const std::vector<Track>& tracks, 
   }
   if (!with.late_s.empty()) out.t_s -= with.late_s[real];
   if (real == with.camera) {
-    if (with.is_mirrored) {
-      const auto ray = camera.model.ray({{camera.image_size.width - 1 - s.px.x(), s.px.y()}});
+    if (with.is_mirrored || with.is_upside_down) {
+      const Eigen::Vector2d from_end(camera.image_size.width - 1 - s.px.x(), camera.image_size.height - 1 - s.px.y());
+      const auto ray = camera.model.ray({{from_end.x(), with.is_upside_down ? from_end.y() : s.px.y()}});
       out.direction = ray ? ray->normalized() : Eigen::Vector3d(0, 0, 1);
     }
     if (with.zoom != 1)

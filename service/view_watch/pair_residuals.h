@@ -46,6 +46,7 @@ struct FaultHypothesis {
   Eigen::Vector3d turn_rad = Eigen::Vector3d::Zero();  // cam_from_world = exp(turn) * the rig's
   double zoom = 1;                                     // its focal length in the rig's
   bool is_mirrored = false;                            // left and right are exchanged in its pictures
+  bool is_upside_down = false;                         // they are turned by 180 degrees
 };
 
 struct PairResiduals {

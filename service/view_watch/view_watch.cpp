@@ -205,8 +205,11 @@ class FaultHypotheses {
           std::abs(zoom - 1) >= camera_fault.min_zoom && gain >= calib::chi2_999_in_1d);
   }
 
-  void try_mirror(std::size_t camera) {
+  // What programs and tags do to pictures without a change of their size.
+  void try_flips(std::size_t camera) {
     judge({.kind = MistakeKind::mirrored, .cameras = {int(camera)}}, {.camera = camera, .is_mirrored = true}, true);
+    judge({.kind = MistakeKind::upside_down, .cameras = {int(camera)}}, {.camera = camera, .is_upside_down = true},
+          true);
   }
 
   // The answer with the lowest cost, if it is significant; without answers another rig or a contradiction. While the
@@ -319,9 +322,9 @@ class FaultHypotheses {
 }  // namespace
 
 std::string_view name(MistakeKind kind) {
-  static constexpr std::string_view names[] = {"swapped",     "late",     "uneven_times", "turned",
-                                               "zoomed",      "mirrored", "other_rig",    "contradiction",
-                                               "wrong_order", "radius",   "shared_color"};
+  static constexpr std::string_view names[] = {"swapped",       "late",        "uneven_times", "turned",
+                                               "zoomed",        "mirrored",    "upside_down",  "other_rig",
+                                               "contradiction", "wrong_order", "radius",       "shared_color"};
   static_assert(std::size(names) == mistake_kinds);
   return names[std::size_t(kind)];
 }
@@ -329,7 +332,8 @@ std::string_view name(MistakeKind kind) {
 bool is_of_rig(MistakeKind kind) {
   return kind == MistakeKind::swapped || kind == MistakeKind::late || kind == MistakeKind::turned ||
          kind == MistakeKind::uneven_times || kind == MistakeKind::zoomed || kind == MistakeKind::mirrored ||
-         kind == MistakeKind::other_rig || kind == MistakeKind::contradiction || kind == MistakeKind::wrong_order;
+         kind == MistakeKind::upside_down || kind == MistakeKind::other_rig || kind == MistakeKind::contradiction ||
+         kind == MistakeKind::wrong_order;
 }
 
 ViewWatch::ViewWatch(const calib::CameraRig& rig, const object_tracking::TargetOptions& target)
@@ -573,7 +577,7 @@ std::optional<Mistake> ViewWatch::explained(const PairComparison::Agreement& as_
   for (std::size_t c = 0; c < rig_.cameras.size(); ++c) {
     if (!hypotheses.could_be_fault_of(c)) continue;
     if (is_clear) hypotheses.try_lateness(c, time_shifts_[c]);
-    if (is_clear) hypotheses.try_mirror(c);
+    if (is_clear) hypotheses.try_flips(c);
     hypotheses.try_turn(c);
     hypotheses.try_zoom(c);
   }

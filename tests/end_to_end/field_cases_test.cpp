@@ -16,6 +16,7 @@ namespace {
 namespace fs = std::filesystem;
 using testing::AllOf;
 using testing::HasSubstr;
+using testing::Not;
 
 const fs::path field_cases = "/work/shared/data/field_cases";
 
@@ -131,6 +132,39 @@ TEST_F(FieldCases, TablesOfTimesAreReadOrRefusedForTheRightReason) {
       EXPECT_LT(result.rms_mm, 3) << c.table << result.text;
     }
   }
+}
+
+// A table with a row for every frame of the films, k-th at k / 30 s.
+TEST_F(FieldCases, TimesThatTheFilesContradictAreNamed) {
+  const auto table = [&](int first, double unit_s, bool has_commas) {
+    std::ofstream out(folder_ / "t.csv");
+    out << "frame,t_s\n";
+    for (int k = 0; k < 150; ++k) {
+      std::string time = std::to_string(k / 30.0 / unit_s);
+      if (has_commas) time[time.find('.')] = ',';
+      out << k + first << ',' << time << '\n';
+    }
+  };
+  const auto played = [&](const std::string& times) {
+    return replay({recording("frames: " + file("badsei/badsei0.mp4") + ", " + times,
+                             "frames: " + file("badsei/badsei1.mp4") + ", " + times)});
+  };
+  table(1, 1, false);  // spreadsheets count from 1
+  const Replayed from_1 = played("timestamps: t.csv");
+  EXPECT_LT(from_1.rms_mm, 3) << from_1.text;
+  EXPECT_THAT(from_1.text, HasSubstr("t.csv counts its frames from 1"));
+  table(0, 60, false);
+  const Replayed minutes = played("timestamps: t.csv");
+  EXPECT_EQ(minutes.status, 1) << minutes.text;
+  EXPECT_THAT(minutes.text, HasSubstr("they look like minutes: convert them to seconds"));
+  table(0, 1, true);
+  EXPECT_THAT(played("timestamps: t.csv").text, AllOf(HasSubstr("t.csv:2"), HasSubstr("decimal commas")));
+  const Replayed rate = played("fps: 25");
+  EXPECT_EQ(rate.status, 3) << rate.text;
+  EXPECT_THAT(rate.text, AllOf(HasSubstr("  mistake "), HasSubstr("fps says 25, but the file itself 30"),
+                               HasSubstr("add trust_times: true")));
+  EXPECT_EQ(played("fps: 30").status, 0);
+  EXPECT_THAT(played("fps: 25, trust_times: true").text, Not(HasSubstr("fps says")));
 }
 
 TEST_F(FieldCases, TruthsAreReadOrNamed) {

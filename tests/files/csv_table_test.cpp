@@ -124,6 +124,24 @@ TEST_F(Csv, ReadsWhatSpreadsheetsAndNumpyWrite) {
             ":1: is UTF-16: save it as CSV in UTF-8");
 }
 
+// Spreadsheets of countries with decimal commas, and pandas' to_csv(decimal=",").
+TEST_F(Csv, DecimalCommasBetweenCommasAreInQuotesOrNamed) {
+  CsvTable quoted = table("frame,t,x\n3,\"0,25\",\"a \"\"b\"\", c\"\n", {"frame", "t", "x"});
+  ASSERT_TRUE(quoted.next());
+  EXPECT_EQ(quoted.time(1).time_since_epoch(), 250ms);
+  EXPECT_EQ(quoted.text(2), "a \"\"b\"\", c");
+  EXPECT_FALSE(quoted.next());
+  CsvTable open_quotes = table("a,b\n1,\"2\n", {"a"});
+  EXPECT_TRUE(open_quotes.next());
+  EXPECT_THAT(error_of([&] {
+                CsvTable t = table("frame,t_s\n0,0\n1,0,033\n", {"frame", "t_s"});
+                while (t.next()) {
+                }
+              }),
+              testing::AllOf(testing::HasSubstr(":3: has 3 fields"), testing::HasSubstr("decimal commas"),
+                             testing::HasSubstr("semicolons")));
+}
+
 TEST(Numbers, RatiosAreNumbersAndTrailingCharactersAreNot) {
   EXPECT_EQ(ratio_of("30000/1001"), 30000.0 / 1001);
   EXPECT_EQ(ratio_of("+2.5e1"), 25);

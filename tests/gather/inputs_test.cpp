@@ -174,6 +174,26 @@ TEST_F(Inputs, PicturesThatMustBeConverted) {
   EXPECT_THAT(gathered({"left=" + at("phone")}), HasSubstr("holds no images; IMG_1.HEIC is a HEIC picture"));
 }
 
+TEST_F(Inputs, ChaptersThatMustBeJoined) {
+  fs::create_directory(folder / "card");
+  for (const std::string name : {"card/GX010001.MP4", "card/GX020001.MP4"})
+    capture::write_clip(folder / name, {.codec = "libx264", .format = AV_PIX_FMT_YUV420P});
+  EXPECT_THAT(replayed({"left=" + at("card")}), HasSubstr("ffmpeg -f concat"));
+  EXPECT_THAT(gathered({"left=" + at("card")}), HasSubstr("holds no images; GX010001.MP4 is a film"));
+}
+
+// Each command says what they are.
+TEST_F(Inputs, FilesThatAreCalledLikeBagsAndAreNone) {
+  for (const std::string name : {"noise.mcap", "noise.bag", "noise.db3"}) {
+    capture::write_text(folder / name, std::string("\xE1\x9F\x03\x80\x00\xFF", 6));
+    const auto is_named = HasSubstr("does not begin like one");
+    EXPECT_THAT(replayed({at(name)}), is_named);
+    EXPECT_THAT(replayed({"left=" + at(name)}), is_named);
+    EXPECT_THAT(gathered({at(name)}), is_named);
+    EXPECT_THAT(gathered({"left=" + at(name)}), is_named);
+  }
+}
+
 // What the table says and this file does not test: a live camera (tests/gather/live_test.cpp, end_to_end).
 TEST_F(Inputs, AreTheLinesOfTheTable) {
   const std::string readme = capture::read_bytes(fs::path(HUETRACK_SOURCE_DIR) / "service/recordings/README.md");
@@ -183,9 +203,9 @@ TEST_F(Inputs, AreTheLinesOfTheTable) {
   for (auto at = table.find("\n| "); at != std::string::npos; at = table.find("\n| ", at + 1))
     lines.push_back(table.substr(at + 3, table.find_first_of(":|(,", at + 3) - at - 3));
   for (std::string& line : lines) line.erase(line.find_last_not_of(' ') + 1);
-  EXPECT_THAT(
-      lines, testing::ElementsAre("input", "recording", "video", "film in several files", "JPEGs one after the other",
-                                  "images", "folder of images", "ROS bag", "part of a picture", "live camera", "HEIC"));
+  EXPECT_THAT(lines, testing::ElementsAre("input", "recording", "video", "film in several files", "film in chapters",
+                                          "JPEGs one after the other", "images", "folder of images", "ROS bag",
+                                          "part of a picture", "live camera", "HEIC"));
 }
 
 }  // namespace

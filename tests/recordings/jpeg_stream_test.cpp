@@ -1,6 +1,8 @@
 // Files of JPEGs one after the other, films in several files, and pictures that must be converted.
 #include <gmock/gmock.h>
 
+#include <numeric>
+
 #include "calib/files/config_error.h"
 #include "capture/clips.h"
 #include "capture/frames/jpeg_encoder.h"
@@ -115,6 +117,51 @@ TEST_F(CamcorderFolder, IsOneFilm) {
     EXPECT_EQ(parts.shown, whole.shown);
     EXPECT_EQ(parts.at, whole.at);
     EXPECT_EQ(parts.warnings, whole.warnings);
+  }
+}
+
+// Every part has a muxer of its own, as `ffmpeg -f segment` and network recorders write them.
+TEST_F(FilesOfCameras, PartsThatWereWrittenSeparatelyAreOneFilm) {
+  for (const auto& [codec, b_frames, ending] :
+       {std::tuple{"mpeg2video", 0, ".ts"}, {"libx264", 2, ".MTS"}, {"libx264", 2, ".m2ts"}}) {
+    const std::filesystem::path name = std::string(codec) + ending;
+    capture::Clip clip{.codec = codec, .format = AV_PIX_FMT_YUV420P, .fps = 25, .key_frame_every = 6};
+    clip.frames = 18, clip.b_frames = b_frames;
+    for (int part = 0; part < 3; ++part) {
+      clip.tamper = [&](int k, AVPacket& packet) {
+        packet.pts += 10, packet.dts += 10;  // not before 0, from which muxers move them
+        return k / 6 == part;
+      };
+      capture::write_clip(folder / name / (std::to_string(part) + ending), clip);
+    }
+    const Played parts = play("frames: " + name.string());
+    std::vector<int> expected(18);
+    std::iota(expected.begin(), expected.end(), 0);
+    EXPECT_EQ(parts.shown, expected) << name;
+    EXPECT_THAT(parts.warnings, testing::IsEmpty()) << name;
+  }
+}
+
+// As action cameras write them.
+TEST_F(FilesOfCameras, ChaptersInOtherContainersMustBeJoined) {
+  for (int part = 0; part < 2; ++part)
+    capture::write_clip(folder / "card" / ("GX0" + std::to_string(part) + "0001.MP4"),
+                        {.codec = "libx264", .format = AV_PIX_FMT_YUV420P});
+  EXPECT_THAT(error_of("frames: 'card/*.MP4', fps: 10"),
+              AllOf(HasSubstr("GX000001.MP4: is a film (h264), not an image"), HasSubstr("ffmpeg -f concat")));
+  EXPECT_THAT(error_of("frames: card, fps: 10"),
+              AllOf(HasSubstr("card: is not a file"), HasSubstr("ffmpeg -f concat")));
+}
+
+TEST_F(CamcorderFolder, MayBeSplitAnywhere) {
+  const Played whole = play("frames: whole.ts");
+  std::filesystem::remove(folder / "STREAM" / "00010.mts");
+  for (const std::size_t at : {bytes.size() / 2 / 188 * 188 + 188, bytes.size() / 2 / 188 * 188 + 77}) {
+    capture::write_text(folder / "STREAM" / "00009.MTS", bytes.substr(0, at));
+    capture::write_text(folder / "STREAM" / "00011.MTS", bytes.substr(at));
+    const Played parts = play("frames: STREAM");
+    EXPECT_EQ(parts.shown, whole.shown) << at;
+    EXPECT_EQ(parts.warnings, whole.warnings) << at;
   }
 }
 

@@ -150,5 +150,28 @@ TEST_F(ReadRecording, AcceptsVideosAsWords) {
   EXPECT_THAT(error({"left="}), HasSubstr("is no CAMERA=FILE"));
 }
 
+TEST_F(ReadRecording, NamesWhatOtherFilesAre) {
+  const auto error = [&](const std::string& name, const std::string& bytes) -> std::string {
+    std::ofstream(folder / name, std::ios::binary) << bytes;
+    try {
+      read_recording(folder / name);
+    } catch (const files::ConfigError& e) {
+      return e.what();
+    }
+    return "(accepted)";
+  };
+  const std::string noise("\xE1\x9F\x03\x80 version: \x00\xFF\x17", 16);
+  for (const std::string ending : {".mcap", ".bag", ".db3", ".MCAP"})
+    for (const std::string& bytes : {noise, std::string(), std::string("\x89MC")})
+      EXPECT_THAT(error("run" + ending, bytes),
+                  testing::AllOf(HasSubstr("run" + ending), HasSubstr("does not begin like one")))
+          << bytes.size();
+  EXPECT_THAT(error("my run.mcap.zst", std::string("\x28\xb5\x2f\xfd") + noise),
+              HasSubstr("`unzstd 'my run.mcap.zst'`"));
+  EXPECT_THAT(error("run.bag.gz", "\x1f\x8b" + noise), HasSubstr("`gunzip run.bag.gz`"));
+  EXPECT_THAT(error("run.mcap", "version https://git-lfs.github.com/spec/v1\noid sha256:1\n"),
+              HasSubstr("git lfs pull"));
+}
+
 }  // namespace
 }  // namespace huetrack::recordings

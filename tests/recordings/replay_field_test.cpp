@@ -86,6 +86,74 @@ TEST_F(FieldFile, BFramesInAviHaveTheTimesOfTheirPlace) {
     }
 }
 
+// DivX and XviD: every B frame is in the packet of the picture that it needs, and an empty picture follows.
+TEST_F(FieldFile, PackedBFramesArePicturesOfTheirOwn) {
+  std::vector<std::string> coded;
+  Clip clip = with_b_frames();
+  clip.b_frames = 1;
+  clip.tamper = [&](int, AVPacket& packet) {
+    coded.emplace_back(reinterpret_cast<const char*>(packet.data), std::size_t(packet.size));
+    return true;
+  };
+  write("plain.avi", clip);
+  const std::string empty("\0\0\1\xB6\x50\x9F", 6);
+  const auto kind_of = [](const std::string& picture) {  // ISO 14496-2: 2 bits behind the start code; 2: a B frame
+    return static_cast<unsigned char>(picture[picture.find(std::string("\0\0\1\xB6", 4)) + 4]) >> 6;
+  };
+  clip.tamper = [&](int k, AVPacket& packet) {
+    const auto is_b = [&](std::size_t at) { return at < coded.size() && kind_of(coded[at]) == 2; };
+    const auto at = std::size_t(k);
+    const std::string bytes = is_b(at) ? empty : is_b(at + 1) ? coded[at] + coded[at + 1] : coded[at];
+    if (int(bytes.size()) > packet.size) capture::check(av_grow_packet(&packet, int(bytes.size()) - packet.size), "");
+    av_shrink_packet(&packet, int(bytes.size()));
+    std::memcpy(packet.data, bytes.data(), bytes.size());
+    return true;
+  };
+  for (const double given : {0., 10.}) {
+    const FieldPlay played = play_field(write("packed.avi", clip), given);
+    EXPECT_EQ(played.shown, numbers_to(18));
+    expect_even_times(played);
+    EXPECT_THAT(played.warnings, IsEmpty());
+  }
+}
+
+// An encoder of B frames waits for the next picture: no frame was dropped there.
+TEST_F(FieldFile, EmptyChunksOfAnAviAreFramesThatWereDropped) {
+  for (const int dropped : {1, 7}) {
+    Clip clip = with_b_frames();
+    clip.tamper = [&](int k, AVPacket& packet) {
+      if (k >= dropped) packet.pts += 1, packet.dts += 1;
+      return true;
+    };
+    const FieldPlay played = play_field(write("a.avi", clip));
+    EXPECT_EQ(played.shown, numbers_to(18)) << dropped;
+    if (dropped == 1) {
+      expect_even_times(played);
+      EXPECT_THAT(played.warnings, IsEmpty());
+    } else {
+      EXPECT_NEAR(played.at_frames.back() - played.at_frames.front(), 18, 0.03);
+      EXPECT_THAT(played.warnings, ElementsAre(AllOf(HasSubstr("has empty chunks at 1 place, first after picture 6"),
+                                                     HasSubstr("give fps"))));
+    }
+  }
+}
+
+// FFmpeg writes H.264 of other containers so, at twice the rate.
+TEST_F(FieldFile, AnAviMayHaveAnEmptyChunkAfterEveryPicture) {
+  Clip clip = with_b_frames();
+  clip.fps = 2 * field_fps;
+  clip.tamper = [](int, AVPacket& packet) {
+    packet.pts *= 2, packet.dts *= 2;
+    return true;
+  };
+  for (const double given : {0., 10.}) {
+    const FieldPlay played = play_field(write("a.avi", clip), given);
+    EXPECT_EQ(played.shown, numbers_to(18)) << given;
+    expect_even_times(played);
+    EXPECT_THAT(played.warnings, IsEmpty()) << given;
+  }
+}
+
 TEST_F(FieldFile, StampsInTheOrderOfDecodingAreNamedAndPutInOrder) {
   for (const std::string file : {"a.mkv", "a.mp4", "a.mov", "a.ts"})
     for (const std::string codec : {"mpeg4", "libx264"}) {

@@ -6,6 +6,7 @@
 #include <map>
 #include <set>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -82,8 +83,60 @@ TEST_F(Replay, WarnsOfAFrameRateThatDiffersFromTheFiles) {
   capture::write_clip(folder / "a.avi", {.codec = "mjpeg", .format = AV_PIX_FMT_YUVJ422P, .frames = 8, .fps = 30});
   auto source = open("frames: a.avi, fps: 28");
   read_all(source);
-  EXPECT_THAT(source.take_warnings(),
-              ElementsAre(AllOf(HasSubstr("a.avi"), HasSubstr("fps says 28, the file itself 30 frames a second"))));
+  const auto named = ElementsAre(AllOf(HasSubstr("a.avi"), HasSubstr("fps says 28, but the file itself 30 frames"),
+                                       HasSubstr("add trust_times: true"), HasSubstr("camera cam")));
+  EXPECT_THAT(source.take_warnings(), named);
+  EXPECT_THAT(source.mistakes(), named);
+  auto confirmed = open("frames: a.avi, fps: 28, trust_times: true");
+  EXPECT_EQ(read_all(confirmed).size(), 8u);
+  EXPECT_THAT(confirmed.take_warnings(), IsEmpty());
+  EXPECT_THAT(confirmed.mistakes(), IsEmpty());
+  EXPECT_THAT(error_of("frames: a.avi, trust_times: true"), HasSubstr("is for fps or timestamps"));
+}
+
+// As spreadsheets and other tools number rows.
+TEST_F(Replay, TablesThatCountFramesFrom1) {
+  std::string whole = "frame,t_s\n", part = whole;
+  for (int k = 0; k < 6; ++k) whole += std::to_string(k + 1) + "," + std::to_string(0.1 * k) + "\n";
+  for (int k = 0; k < 4; ++k) part += std::to_string(k + 1) + "," + std::to_string(0.1 * k) + "\n";
+  capture::write_text(folder / "whole.csv", whole);
+  capture::write_text(folder / "part.csv", part);
+  for (const auto& [frames, codec, format] : {std::tuple{"a.mkv", "ffv1", AV_PIX_FMT_YUV422P},
+                                              {"a.mp4", "libx264", AV_PIX_FMT_YUV420P},
+                                              {"a.avi", "mjpeg", AV_PIX_FMT_YUVJ422P},
+                                              {"%d.png", "png", AV_PIX_FMT_RGB24}}) {
+    capture::write_clip(folder / frames, {.codec = codec, .format = format, .frames = 6});
+    const std::string file = "frames: '" + std::string(frames) + "'";
+    auto source = open(file + ", timestamps: whole.csv");
+    const auto played = read_all(source);
+    EXPECT_THAT(shown(played), ElementsAre(0, 1, 2, 3, 4, 5)) << frames;
+    EXPECT_EQ(played.back().captured_at.time_since_epoch(), 500ms) << frames;
+    EXPECT_EQ(source.cameras()[0].missing, 0);
+    EXPECT_THAT(source.take_warnings(), ElementsAre(HasSubstr("whole.csv counts its frames from 1"))) << frames;
+    auto some = open(file + ", timestamps: part.csv");
+    EXPECT_THAT(shown(read_all(some)), ElementsAre(1, 2, 3, 4)) << frames;
+    EXPECT_THAT(some.take_warnings(), ElementsAre(HasSubstr("if it counts frames from 1, subtract 1"))) << frames;
+  }
+}
+
+TEST_F(Replay, ListedTimesThatTheFileContradicts) {
+  capture::write_clip(folder / "a.mkv", {.frames = 6});
+  const auto table = [&](double step) {
+    std::string text = "frame,t_s\n";
+    for (int k = 0; k < 6; ++k) text += std::to_string(k) + "," + std::to_string(step * k) + "\n";
+    capture::write_text(folder / "t.csv", text);
+  };
+  table(100);
+  EXPECT_THAT(error_of("frames: a.mkv, timestamps: t.csv"),
+              AllOf(HasSubstr("t.csv"), HasSubstr("look like milliseconds: name the column t_ms")));
+  table(0.1 / 8);  // slow motion
+  auto source = open("frames: a.mkv, timestamps: t.csv");
+  EXPECT_EQ(read_all(source).size(), 6u);
+  EXPECT_THAT(source.mistakes(), ElementsAre(AllOf(HasSubstr("0.0125 s a frame"), HasSubstr("file itself says 0.1 s"),
+                                                   HasSubstr("trust_times: true"))));
+  auto confirmed = open("frames: a.mkv, timestamps: t.csv, trust_times: true");
+  EXPECT_EQ(read_all(confirmed).size(), 6u);
+  EXPECT_THAT(confirmed.mistakes(), IsEmpty());
 }
 
 TEST_F(Replay, EverySecondFrameKeepsItsOwnTime) {
@@ -123,7 +176,7 @@ TEST_F(Replay, WarnsOfCamerasThatHardlyOverlap) {
 TEST_F(Replay, TimeStampsAreTakenAsListedAndSkippedFramesAreMissing) {
   capture::write_clip(folder / "a.mkv", {.key_frame_every = 4});
   capture::write_text(folder / "t.csv", "frame,t_s\n2,0.01\n3,0.02\n5,0.05\n6,0.06\n");
-  auto source = open("frames: a.mkv, timestamps: t.csv");
+  auto source = open("frames: a.mkv, timestamps: t.csv, trust_times: true");
   EXPECT_EQ(source.expected_frames(), 4);
   const auto frames = read_all(source);
   EXPECT_THAT(times(frames), ElementsAre(10ms, 20ms, 50ms, 60ms));
@@ -136,7 +189,7 @@ TEST_F(Replay, TimeStampsAreTakenAsListedAndSkippedFramesAreMissing) {
 
 TEST_F(Replay, ListedFramesMissingInTheVideoAreCounted) {
   capture::write_clip(folder / "a.mkv", {.frames = 3});
-  capture::write_text(folder / "t.csv", "frame,t_s\n0,0\n1,1\n2,2\n3,3\n5,5\n");
+  capture::write_text(folder / "t.csv", "frame,t_s\n0,0\n1,0.1\n2,0.2\n3,0.3\n5,0.5\n");
   auto source = open("frames: a.mkv, timestamps: t.csv");
   EXPECT_EQ(read_all(source).size(), 3u);
   EXPECT_EQ(source.cameras()[0].missing, 2);

@@ -34,6 +34,9 @@ TEST(MistakeWords, NameCameraSizeAndRemedy) {
   EXPECT_THAT(text({MistakeKind::zoomed, {1}, 0.91, 8}),
               AllOf(HasSubstr("right disagrees with the others by 8 px"), HasSubstr("focal length looks 0.91 times")));
   EXPECT_THAT(text({MistakeKind::mirrored, {1}, 0, 30}), HasSubstr("its pictures look mirrored"));
+  EXPECT_THAT(text({MistakeKind::upside_down, {1}, 0, 30}),
+              AllOf(HasSubstr("right disagrees with the others by 30 px"), HasSubstr("turned by 180 degrees"),
+                    HasSubstr("rotation tag")));
   EXPECT_THAT(text({MistakeKind::late, {1}, 0.1, 0}),
               HasSubstr("right is about 0.10 s late, as the motion of orange shows"));
   EXPECT_THAT(text({MistakeKind::late, {0, 1}, 0.1, 0}), HasSubstr("one of left and right is about 0.10 s late"));

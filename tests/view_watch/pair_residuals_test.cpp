@@ -135,7 +135,15 @@ INSTANTIATE_TEST_SUITE_P(
                             change_pixels(rig.cameras[1], tracks[1],
                                           [=](const Vector2d& px) { return Vector2d(last - px.x(), px.y()); });
                           },
-                          {.camera = 1, .is_mirrored = true}}),
+                          {.camera = 1, .is_mirrored = true}},
+                    Fault{"upside_down",
+                          [](calib::CameraRig& rig, std::vector<Track>& tracks) {
+                            const auto& size = rig.cameras[1].image_size;
+                            const Vector2d last(size.width - 1, size.height - 1);
+                            change_pixels(rig.cameras[1], tracks[1],
+                                          [=](const Vector2d& px) { return Vector2d(last - px); });
+                          },
+                          {.camera = 1, .is_upside_down = true}}),
     [](const auto& param) { return std::string(param.param.name); });
 
 // Rig and tracks in another order, and in another world frame.

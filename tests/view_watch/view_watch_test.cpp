@@ -8,6 +8,7 @@
 #include <functional>
 #include <numbers>
 
+#include "capture/frames/picture_layout.h"
 #include "scene/lime.h"
 #include "view_watch/camera_fit.h"
 
@@ -113,27 +114,23 @@ TEST_F(ViewWatchOfScene, anotherFocalLength) {
   }
 }
 
-TEST_F(ViewWatchOfScene, mirroredPictures) {
-  format = capture::PixelFormat::i444;
-  spoil = [](std::vector<capture::FrameSet>& sets) {
-    for (auto& set : sets) {
-      capture::Image& seen = set.frames[2]->pixels;
-      const auto mirrored = capture::make_image(seen.format, seen.range, seen.width, seen.height);
-      for (std::size_t plane = 0; plane < 3; ++plane)
-        for (int v = 0; v < seen.height; ++v)
-          std::reverse_copy(seen.planes[plane].data + v * seen.planes[plane].stride,
-                            seen.planes[plane].data + v * seen.planes[plane].stride + seen.width,
-                            mirrored.data[plane] + v * mirrored.image.planes[plane].stride);
-      seen = mirrored.image;
-    }
-  };
-  const auto mistakes = watch();
-  ASSERT_EQ(mistakes.size(), 1u);
-  EXPECT_EQ(mistakes[0].kind, MistakeKind::mirrored);
-  EXPECT_THAT(mistakes[0].cameras, ElementsAre(2));
+TEST_F(ViewWatchOfScene, mirroredAndTurnedPictures) {
+  for (const bool is_turned : {false, true}) {
+    SetUp();
+    format = capture::PixelFormat::i444;
+    spoil = [is_turned](std::vector<capture::FrameSet>& sets) {
+      for (auto& set : sets) {
+        capture::Image& seen = set.frames[2]->pixels;
+        seen = capture::turned(seen, {.column_by_column = -1, .row_by_row = is_turned ? -1 : 1});
+      }
+    };
+    const auto mistakes = watch();
+    ASSERT_EQ(mistakes.size(), 1u);
+    EXPECT_EQ(mistakes[0].kind, is_turned ? MistakeKind::upside_down : MistakeKind::mirrored);
+    EXPECT_THAT(mistakes[0].cameras, ElementsAre(2));
+  }
 }
 
-// A camera whose latency the tracker has estimated is consistent, and late nevertheless.
 TEST_F(ViewWatchOfScene, anEstimatedLatencyIsNamed) {
   spoil = [](std::vector<capture::FrameSet>& sets) {
     constexpr std::size_t frames = 3;

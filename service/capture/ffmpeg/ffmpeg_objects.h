@@ -3,6 +3,7 @@
 
 extern "C" {
 #include <libavcodec/avcodec.h>
+#include <libavcodec/bsf.h>
 #include <libavformat/avformat.h>
 }
 
@@ -25,6 +26,9 @@ struct CloseOutput {
 struct FreeCodec {
   void operator()(AVCodecContext* p) const { avcodec_free_context(&p); }
 };
+struct FreeFilter {
+  void operator()(AVBSFContext* p) const { av_bsf_free(&p); }
+};
 struct FreePacket {
   void operator()(AVPacket* p) const { av_packet_free(&p); }
 };
@@ -38,6 +42,7 @@ using IoPtr = std::unique_ptr<AVIOContext, CloseIo>;
 using InputPtr = std::unique_ptr<AVFormatContext, CloseInput>;
 using OutputPtr = std::unique_ptr<AVFormatContext, CloseOutput>;
 using CodecPtr = std::unique_ptr<AVCodecContext, FreeCodec>;
+using FilterPtr = std::unique_ptr<AVBSFContext, FreeFilter>;
 using PacketPtr = std::unique_ptr<AVPacket, FreePacket>;
 using FramePtr = std::unique_ptr<AVFrame, FreeFrame>;
 

@@ -31,6 +31,8 @@ class PictureMaker {
   // For pictures that FFmpeg did not decode: turned as their own tag (nullopt: none) or the stream's says.
   Image upright(const Image& image, std::optional<Orientation> own = {});
 
+  bool turns() const { return !layout_.orientation.is_upright(); }  // as the tags so far say
+
   // What a user must know (notes_on()) of the pictures since set_stream(), each sentence once.
   std::vector<std::string> take_notes();
 

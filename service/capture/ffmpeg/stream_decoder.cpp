@@ -105,8 +105,11 @@ int length_bytes_of(const AVCodecParameters& parameters) {
 
 int StreamDecoder::open(const AVStream* stream, const AVCodec& decoder, const DecoderOptions& options) {
   codec_.reset(not_null(avcodec_alloc_context3(&decoder)));
+  unpacker_.reset();
   if (stream != nullptr) {
-    if (const int e = avcodec_parameters_to_context(codec_.get(), stream->codecpar); e < 0) return e;
+    if (const int e = decoder.id == AV_CODEC_ID_MPEG4 ? open_unpacker(*stream) : 0; e < 0) return e;
+    const AVCodecParameters* parameters = unpacker_ ? unpacker_->par_out : stream->codecpar;
+    if (const int e = avcodec_parameters_to_context(codec_.get(), parameters); e < 0) return e;
     codec_->pkt_timebase = stream->time_base;
   }
   codec_->max_pixels = options.most_pixels;
@@ -130,8 +133,22 @@ int StreamDecoder::open(const AVStream* stream, const AVCodec& decoder, const De
   return 0;
 }
 
+// DivX and XviD put a picture and the B frames before it into one packet, and follow it with empty packets.
+int StreamDecoder::open_unpacker(const AVStream& stream) {
+  const AVBitStreamFilter* filter = av_bsf_get_by_name("mpeg4_unpack_bframes");
+  if (filter == nullptr) return 0;  // an FFmpeg without it; its decoder unpacks, with wrong times
+  AVBSFContext* opened = nullptr;
+  if (const int e = av_bsf_alloc(filter, &opened); e < 0) return e;
+  unpacker_.reset(opened);
+  if (const int e = avcodec_parameters_copy(opened->par_in, stream.codecpar); e < 0) return e;
+  opened->time_base_in = stream.time_base;
+  return av_bsf_init(opened);
+}
+
 bool StreamDecoder::examine(AVPacket& packet) {
   const AVCodecID codec = codec_->codec_id;
+  if (unpacker_ && packet.size > 0 && av_bsf_send_packet(unpacker_.get(), &packet) == 0)
+    return av_bsf_receive_packet(unpacker_.get(), &packet) == 0;
   if (packet.size == 0 || (codec != AV_CODEC_ID_H264 && codec != AV_CODEC_ID_HEVC)) return true;
   remove_messages(packet, codec, length_bytes_);
   if (!parser_) return true;

@@ -27,15 +27,19 @@ class StreamDecoder {
   const AVCodecContext& codec() const { return *codec_; }
 
   // Before send(). Removes supplemental messages that are damaged, which some cameras write into every picture, or that
-  // nothing needs: the decoder's errors are then those of the picture. False: the packet only adds the second field to
-  // the picture that the packet before began.
+  // nothing needs: the decoder's errors are then those of the picture. Of MPEG-4, pictures that older encoders packed
+  // together get packets of their own. False: the packet only adds the second field to the picture that the packet
+  // before began.
   bool examine(AVPacket& packet);
 
   int send(const AVPacket* packet) { return avcodec_send_packet(codec_.get(), packet); }  // nullptr: the end
   int receive(AVFrame& frame) { return avcodec_receive_frame(codec_.get(), &frame); }
 
  private:
+  int open_unpacker(const AVStream& stream);
+
   CodecPtr codec_;
+  FilterPtr unpacker_;                                        // for MPEG-4
   std::unique_ptr<AVCodecParserContext, FreeParser> parser_;  // for H.264, whose fields may have packets of their own
   CodecPtr headers_;                                          // the parser's
   int length_bytes_ = 0;    // of the length before every unit of H.264 and HEVC; 0: start codes

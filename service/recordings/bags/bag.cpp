@@ -79,6 +79,17 @@ bool is_bag(const fs::path& path) {
   return !parts_of(path).empty() || (fs::exists(path / "metadata.yaml", error) && !files_in(path, ".zstd").empty());
 }
 
+std::string problem_of_beginning(const fs::path& file) {
+  std::string ending = file.extension().string();
+  std::ranges::transform(ending, ending.begin(), [](unsigned char c) { return std::tolower(c); });
+  static constexpr std::array<std::string_view, 3> endings{".mcap", ".db3", ".bag"};
+  std::error_code unreadable;
+  if (std::ranges::find(endings, ending) == endings.end() || !fs::is_regular_file(file, unreadable) || is_bag(file))
+    return {};
+  return "is called like a ROS bag (" + ending +
+         "), but does not begin like one: it was not copied completely, or is another file: copy it again";
+}
+
 std::vector<fs::path> parts_of(const fs::path& bag) {
   std::error_code error;
   if (!fs::is_directory(bag, error)) return {bag};

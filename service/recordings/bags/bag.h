@@ -37,6 +37,10 @@ struct BagMessage {
 // recording.yaml.
 bool is_bag(const std::filesystem::path& path);
 
+// Of a file that is called like a bag, and is none: cut off at its beginning, or overwritten. Empty: it is called
+// otherwise, or is one.
+std::string problem_of_beginning(const std::filesystem::path& file);
+
 // The files of a bag, in order: the file itself, or the folder's .mcap or .db3 files by their numbers.
 std::vector<std::filesystem::path> parts_of(const std::filesystem::path& bag);
 

@@ -1,0 +1,168 @@
+#include "recordings/stated_times.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string_view>
+#include <utility>
+
+#include "calib/files/csv_table.h"
+
+namespace huetrack::recordings {
+namespace {
+
+constexpr std::string_view how_to_confirm = "trust_times: true";
+
+struct TimeUnit {
+  std::string_view name;
+  double s;
+};
+// Those that cameras, spreadsheets (days) and programs write times in.
+constexpr std::array<TimeUnit, 9> time_units{{{"nanoseconds", 1e-9},
+                                              {"ticks of 100 ns", 1e-7},
+                                              {"microseconds", 1e-6},
+                                              {"ticks of 90 kHz", 1. / 90'000},
+                                              {"milliseconds", 1e-3},
+                                              {"seconds", 1},
+                                              {"minutes", 60},
+                                              {"hours", 3600},
+                                              {"days", 86'400}}};
+
+struct ListedTimesTuning {
+  // A camera's rate beside the one that its file's header says, as a factor: webcams write 30 fps into it, and have 7.5
+  // in the dark.
+  double other_rate = 5;
+  // Of a unit that explains the times: half of the way (of the exponent) between the two units that are nearest to each
+  // other.
+  double fits = 3.2;
+  double usual_period_s = 1. / 30;  // where the file has no rate
+  // Without one: slower than once a second nothing is tracked, and cameras take up to 960 pictures a second.
+  double longest_period_s = 1, shortest_period_s = 1e-3;
+};
+constexpr ListedTimesTuning listed_times{};
+
+struct GivenRateTuning {
+  std::int64_t enough = 4;  // pictures, for a rate by their stamps
+  double slack = 0.02;      // of a rate: 29.97 is 30
+  double gap = 0.9;         // usual steps: a picture is missing
+  std::size_t window = 16;  // pictures, in which a late stamp is made up for
+};
+constexpr GivenRateTuning given_rate{};
+
+// values: not empty
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::ranges::nth_element(values, middle);
+  return *middle;
+}
+
+// Usual time from one frame of the stream to the next: the median, which is robust to gaps. 0: one row only.
+double seconds_a_frame(const RecordedCamera& camera) {
+  std::vector<double> steps_s;
+  for (std::size_t k = 1; k < camera.timestamps.size(); ++k) {
+    const auto &before = camera.timestamps[k - 1], &row = camera.timestamps[k];
+    steps_s.push_back(capture::seconds(row.second - before.second) / static_cast<double>(row.first - before.first));
+  }
+  return steps_s.empty() ? 0 : median(std::move(steps_s));
+}
+
+double factor_between(double a, double b) {
+  return std::max(a / b, b / a);
+}
+
+// "name the column t_ms", or what else gives seconds.
+std::string remedy(const TimeUnit& unit) {
+  const auto known = std::ranges::find(files::time_unit_names, unit.name);
+  if (known == files::time_unit_names.end()) return "convert them to seconds";
+  return fmt::format("name the column t_{}",
+                     files::time_units[static_cast<std::size_t>(known - files::time_unit_names.begin())]);
+}
+
+}  // namespace
+
+std::optional<TimesProblem> problem_of_listed_times(const RecordedCamera& camera, capture::Duration file_period) {
+  const double listed_s = seconds_a_frame(camera), file_s = capture::seconds(file_period);
+  const bool has_rate = file_s > 0;
+  if (!(listed_s > 0)) return std::nullopt;
+  if (has_rate ? factor_between(listed_s, file_s) < listed_times.other_rate
+               : listed_s < listed_times.longest_period_s && listed_s >= listed_times.shortest_period_s)
+    return std::nullopt;
+
+  const std::string_view own = files::time_unit_names[camera.times_unit];
+  const double own_s = std::ranges::find(time_units, own, &TimeUnit::name)->s;
+  TimesProblem problem{.text = fmt::format("its times are {:.4g} s a frame, if they are {}, but ", listed_s, own)};
+  problem.text += has_rate ? fmt::format("the file itself says {:.4g} s", file_s)
+                           : std::string("cameras take 1 to 1000 pictures a second");
+  const std::string or_confirm = fmt::format("; if they are right (slow motion), add {}", how_to_confirm);
+  if (std::abs(listed_s / own_s - 1) < 1e-6) {
+    problem.is_of_unit = true;
+    problem.text += ": they look like the frames' numbers: give fps instead of timestamps" + or_confirm;
+    return problem;
+  }
+  const double expected_s = has_rate ? file_s : listed_times.usual_period_s;
+  const auto by_unit = [&](const TimeUnit& unit) { return factor_between(listed_s * unit.s / own_s, expected_s); };
+  const TimeUnit& nearest = *std::ranges::min_element(time_units, {}, by_unit);
+  const double then_s = listed_s * nearest.s / own_s;
+  problem.is_of_unit = nearest.name != own &&
+                       (has_rate ? by_unit(nearest) <= listed_times.fits
+                                 : then_s < listed_times.longest_period_s && then_s >= listed_times.shortest_period_s);
+  problem.text += problem.is_of_unit ? fmt::format(": they look like {}: {}", nearest.name, remedy(nearest))
+                                     : std::string(": correct them, or leave timestamps out");
+  problem.text += or_confirm;
+  return problem;
+}
+
+void GivenRate::see(std::int64_t index, capture::Timestamp stamp) {
+  const Seen picture{index, stamp};
+  if (!first_) first_ = picture;
+  recent_.push_back(picture);
+  if (recent_.size() > given_rate.window) recent_.pop_front();
+  compare_rates(picture);
+  look_for_gap();
+}
+
+// A typed fps is wrong more often than a file's; but it may be intended, for slow motion.
+void GivenRate::compare_rates(const Seen& picture) {
+  const auto count = picture.first - first_->first;
+  if (has_compared_ || count < given_rate.enough) return;
+  has_compared_ = true;
+  // Some headers count empty chunks, and stamps may have a gap: both must contradict.
+  const double period_s = capture::seconds(picture.second - first_->second) / static_cast<double>(count);
+  const auto contradicts = [&](double s) { return s > 0 && std::abs(fps_ * s - 1) >= given_rate.slack; };
+  if (!contradicts(period_s) || !contradicts(capture::seconds(file_period_))) return;
+  has_problem_ = true;
+  problems_.push_back(fmt::format(
+      "fps says {:g}, but the file itself {:.4g} frames a second: if the file is right, leave fps out; if fps is right "
+      "(slow motion, a wrong header), add {}",
+      fps_, 1 / period_s, how_to_confirm));
+}
+
+// A longer step among even ones: all later times are wrong by the missing frames.
+void GivenRate::look_for_gap() {
+  if (has_problem_ || recent_.size() <= static_cast<std::size_t>(given_rate.enough)) return;
+  std::vector<double> steps_s;
+  for (std::size_t k = 1; k < recent_.size(); ++k)
+    steps_s.push_back(capture::seconds(recent_[k].second - recent_[k - 1].second) /
+                      static_cast<double>(recent_[k].first - recent_[k - 1].first));
+  const double usual_s = median(steps_s);
+  const auto& [first, begin] = recent_.front();
+  const auto& [last, end] = recent_.back();
+  const double gap_s = capture::seconds(end - begin) - static_cast<double>(last - first) * usual_s;
+  if (gap_s < given_rate.gap * usual_s) return;
+  has_problem_ = true;
+  const auto longest = std::ranges::max_element(steps_s) - steps_s.begin();
+  const long missing = std::max(1L, std::lround(gap_s / usual_s));
+  problems_.push_back(fmt::format(
+      "its own time stamps say that {} missing before frame {}: from there on, fps gives times that are too early: "
+      "leave fps out to use the file's time stamps; if these are wrong, add {}",
+      missing == 1 ? "a frame is" : fmt::format("{} frames are", missing),
+      recent_[static_cast<std::size_t>(longest) + 1].first, how_to_confirm));
+}
+
+std::vector<std::string> GivenRate::take_problems() {
+  return std::exchange(problems_, {});
+}
+
+}  // namespace huetrack::recordings
