@@ -38,7 +38,7 @@ struct JpegIndexPool::Impl {
   explicit Impl(int most) : most_free(static_cast<std::size_t>(std::max(most, 0))) { free.reserve(most_free); }
 
   const std::size_t most_free;
-  std::atomic<bool> are_bounds_wanted = false;  // those of the last index that came back were
+  std::atomic<int> searched_in_a_row = 0;  // indices that came back, the last ones, whose bounds were asked for
   std::mutex mutex;
   std::vector<std::unique_ptr<JpegIndex>> free;
 };
@@ -204,14 +204,14 @@ std::shared_ptr<const JpegIndex> JpegIndex::build(std::shared_ptr<const std::vec
     }
   }
   if (!index) index.reset(new JpegIndex);
-  const bool is_made = index->impl_->make(*jpeg, width, height, shelf && shelf->are_bounds_wanted);
+  const bool is_made = index->impl_->make(*jpeg, width, height, shelf && shelf->searched_in_a_row > 1);
   // Weak: a free index still refers to this deleter (by std::enable_shared_from_this), and the pool must not keep
   // itself.
   std::shared_ptr<JpegIndex> shared(index.release(), [weak = std::weak_ptr(shelf)](JpegIndex* done) {
     std::unique_ptr<JpegIndex> back(done);
     const auto home = weak.lock();
     if (!home) return;
-    home->are_bounds_wanted = back->impl_->are_bounds_wanted.load();
+    home->searched_in_a_row = back->impl_->are_bounds_wanted ? std::min(home->searched_in_a_row + 1, 2) : 0;
     const std::lock_guard lock(home->mutex);
     if (home->free.size() < home->most_free) home->free.push_back(std::move(back));
   });
@@ -302,7 +302,7 @@ std::vector<PixelBounds> JpegIndex::bounds() const {
 void JpegIndex::narrow_chroma(std::size_t mcu, PixelBounds& bounds) const {
   const Impl& impl = *impl_;
   if (impl.components() == 1) return;
-  constexpr std::size_t most_samples = 16 * 16;  // of a component: 2 x 2 blocks
+  constexpr std::size_t most_samples = 3 * 64;  // an MCU has at most 10 blocks, 3 of each component of chroma
   std::array<std::array<std::uint8_t, most_samples>, 2> samples;
   const auto& component = impl.header.component[1];  // the third one has the same sampling
   const std::ptrdiff_t stride = std::ptrdiff_t{8} * component.h;

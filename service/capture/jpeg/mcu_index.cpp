@@ -117,13 +117,13 @@ bool McuIndex::sum_differences(const Scan& scan) {
   const std::size_t interval = scan.restart_interval == 0 ? scan.mcus : scan.restart_interval;
   for (std::size_t first = 0, end = 0; first < blocks.size(); first = end) {  // the blocks of a component
     for (end = first; end < blocks.size() && blocks[end].component == blocks[first].component;) ++end;
+    std::int16_t* mcu = mcus_.dc.data();
     for (std::size_t begin = 0; begin < scan.mcus; begin += interval) {
       std::int32_t last = 0;
-      for (std::size_t mcu = begin; mcu < std::min(begin + interval, scan.mcus); ++mcu)
+      for (std::size_t n = std::min(interval, scan.mcus - begin); n > 0; --n, mcu += blocks.size())
         for (std::size_t i = first; i < end; ++i) {
-          std::int16_t& dc = mcus_.dc[mcu * blocks.size() + i];
-          if (__builtin_add_overflow(last, dc, &last)) return false;
-          dc = static_cast<std::int16_t>(last);
+          if (__builtin_add_overflow(last, mcu[i], &last)) return false;
+          mcu[i] = static_cast<std::int16_t>(last);
         }
     }
   }

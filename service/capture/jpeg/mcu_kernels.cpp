@@ -103,7 +103,7 @@ template <bool with_swings, std::size_t lanes>
     const std::uint32_t start = tables.start[index];
     *all.difference[i] = static_cast<std::int16_t>(coded_value(bits << (start >> 16 & 63), start >> 24));
     done[i] = (static_cast<std::int32_t>(start >> 8 & 255) - 64) * 65536 + static_cast<std::int32_t>(start & 255);
-    all.swing[i] = 0;
+    if constexpr (with_swings) all.swing[i] = 0;
     add_swing(i, tables.start_amplitude[index]);
   }
   const auto any_of_done = [&]() __attribute__((always_inline)) {
