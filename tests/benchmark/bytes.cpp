@@ -5,7 +5,7 @@
 //   OpenCV     what a user would write: imdecode, cvtColor, inRange, connectedComponents, triangulation
 // Besides: libjpeg-turbo's planar decode alone, the index alone, and the share of the pictures that was decoded.
 // Then a camera host with `send: matches`: from a JPEG to the message, pictures decoded whole and on demand.
-//   bytes [ROUNDS, 5]
+//   bytes [ROUNDS, 5 [host]]      host: only the camera host
 #include <algorithm>
 #include <array>
 #include <cstdio>

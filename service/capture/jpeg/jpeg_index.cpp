@@ -34,21 +34,9 @@ SampleBounds bounds_of_samples(std::int16_t dc, unsigned swing) {
 
 }  // namespace
 
-struct JpegIndexPool::Impl {
-  explicit Impl(int most) : most_free(static_cast<std::size_t>(std::max(most, 0))) { free.reserve(most_free); }
-
-  const std::size_t most_free;
-  std::atomic<int> searched_in_a_row = 0;  // indices that came back, the last ones, whose bounds were asked for
-  std::mutex mutex;
-  std::vector<std::unique_ptr<JpegIndex>> free;
-};
-
-JpegIndexPool::JpegIndexPool(int most_free) : impl_(std::make_shared<Impl>(most_free)) {}
-JpegIndexPool::~JpegIndexPool() = default;
-
-// make() overwrites all members, in the memory of earlier frames where it suffices.
+// make() overwrites all members but one, in the memory of earlier frames where it suffices.
 struct JpegIndex::Impl {
-  bool make(std::span<const std::uint8_t> jpeg, int width, int height, bool with_bounds);
+  bool make(std::span<const std::uint8_t> jpeg, int width, int height);
   bool make_tables();
   void lay_out_blocks();
   bool is_end_sound(std::span<const std::uint8_t> jpeg, int padding) const;
@@ -81,23 +69,25 @@ struct JpegIndex::Impl {
   std::size_t luma = 0;              // blocks of an MCU that are of its first component
   McuIndex index;
   std::atomic<bool> are_bounds_wanted = false;
-  std::mutex eighth_mutex;  // guards the eighth, which is made when it is asked for
+  int searched_in_a_row = 0;  // of the frames that were in this memory before, the last ones; at most 2
+  std::mutex eighth_mutex;    // guards the eighth, which is made when it is asked for
   bool has_eighth = false;
   std::vector<std::uint8_t> eighth;
 };
 
-bool JpegIndex::Impl::make(std::span<const std::uint8_t> jpeg, int width, int height, bool with_bounds) {
+bool JpegIndex::Impl::make(std::span<const std::uint8_t> jpeg, int width, int height) {
   if (jpeg.size() >= most_bytes) return false;
   const auto read = read_jpeg_header(jpeg, width, height);
   if (!read) return false;
   header = *read;
   has_eighth = false;
+  searched_in_a_row = are_bounds_wanted ? std::min(searched_in_a_row + 1, 2) : 0;
   are_bounds_wanted = false;
   if (!make_tables()) return false;
   lay_out_blocks();
   const auto interval = static_cast<std::size_t>(header.restart_interval);
   return data.take(jpeg, header.scan, interval == 0 ? 1 : (mcus() + interval - 1) / interval) &&
-         index.make(scan(), with_bounds) && is_end_sound(jpeg, header.padding);
+         index.make(scan(), searched_in_a_row > 1) && is_end_sound(jpeg, header.padding);
 }
 
 bool JpegIndex::Impl::make_tables() {
@@ -194,28 +184,8 @@ JpegIndex::~JpegIndex() = default;
 
 std::shared_ptr<const JpegIndex> JpegIndex::build(std::shared_ptr<const std::vector<std::uint8_t>> jpeg, int width,
                                                   int height, JpegIndexPool* pool) {
-  std::unique_ptr<JpegIndex> index;
-  const std::shared_ptr<JpegIndexPool::Impl> shelf = pool ? pool->impl_ : nullptr;
-  if (shelf) {
-    const std::lock_guard lock(shelf->mutex);
-    if (!shelf->free.empty()) {
-      index = std::move(shelf->free.back());
-      shelf->free.pop_back();
-    }
-  }
-  if (!index) index.reset(new JpegIndex);
-  const bool is_made = index->impl_->make(*jpeg, width, height, shelf && shelf->searched_in_a_row > 1);
-  // Weak: a free index still refers to this deleter (by std::enable_shared_from_this), and the pool must not keep
-  // itself.
-  std::shared_ptr<JpegIndex> shared(index.release(), [weak = std::weak_ptr(shelf)](JpegIndex* done) {
-    std::unique_ptr<JpegIndex> back(done);
-    const auto home = weak.lock();
-    if (!home) return;
-    home->searched_in_a_row = back->impl_->are_bounds_wanted ? std::min(home->searched_in_a_row + 1, 2) : 0;
-    const std::lock_guard lock(home->mutex);
-    if (home->free.size() < home->most_free) home->free.push_back(std::move(back));
-  });
-  return is_made ? shared : nullptr;
+  auto index = pool != nullptr ? pool->take() : std::make_shared<JpegIndex>();
+  return index->impl_->make(*jpeg, width, height) ? std::move(index) : nullptr;
 }
 
 PixelFormat JpegIndex::format() const {

@@ -10,27 +10,18 @@
 #include <vector>
 
 #include "capture/frames/pixel_format.h"
+#include "capture/frames/recycler.h"
 
 namespace huetrack::capture {
 
-// Indices that are reused for a source's next frames, with their memory and Huffman tables: frames of one size then
-// allocate only a reference count. Thread-safe; indices may outlive it. Holds at most `most_free` unused indices.
-class JpegIndexPool {
- public:
-  explicit JpegIndexPool(int most_free = 8);
-  ~JpegIndexPool();
-  JpegIndexPool(const JpegIndexPool&) = delete;
-  JpegIndexPool& operator=(const JpegIndexPool&) = delete;
-
- private:
-  friend class JpegIndex;
-  struct Impl;
-  std::shared_ptr<Impl> impl_;
-};
+class JpegIndex;
+// One per source: its next frames reuse the memory and the Huffman tables of its indices.
+using JpegIndexPool = Recycler<JpegIndex>;
 
 // Immutable and thread-safe. Memory: about the JPEG's size, 4 bytes per MCU and 2 per block.
 class JpegIndex : public std::enable_shared_from_this<JpegIndex> {
  public:
+  JpegIndex();  // for JpegIndexPool: of no JPEG
   ~JpegIndex();
   JpegIndex(const JpegIndex&) = delete;
   JpegIndex& operator=(const JpegIndex&) = delete;
@@ -63,16 +54,13 @@ class JpegIndex : public std::enable_shared_from_this<JpegIndex> {
   // padding. The image keeps this index alive.
   Image eighth() const;
 
-  // Of each MCU, row by row: bounds of its samples, by the DC and the sum of the AC coefficients. Where the pool's
-  // preceding indices were asked for them, build() has computed most of this already.
+  // Of each MCU, row by row: bounds of its samples, by the DC and the sum of the AC coefficients. build() computes most
+  // of it already in memory whose last two frames were asked for their bounds.
   std::vector<PixelBounds> bounds() const;
   // Narrows the bounds of an MCU's chroma to the range of its samples, the padding included. mcu: counted row by row.
   void narrow_chroma(std::size_t mcu, PixelBounds& bounds) const;
 
  private:
-  friend class JpegIndexPool;
-  JpegIndex();
-
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
