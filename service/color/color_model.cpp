@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <numbers>
 #include <optional>
@@ -265,18 +266,13 @@ void ColorTableBuilder::go_on() {
   table_->fill(target_, first, next_);
 }
 
-bool ColorTable::may_contain(const capture::ChromaBounds& chroma) const {
-  const std::uint64_t columns = ~std::uint64_t{0} >> (63 - chroma.u.max / 4) & ~std::uint64_t{0} << chroma.u.min / 4;
-  std::uint64_t any = 0;
-  for (int row = chroma.v.min / 4; row <= chroma.v.max / 4; ++row) any |= cells_[static_cast<std::size_t>(row)];
-  return (any & columns) != 0;
-}
-
-bool ColorTable::may_contain(const capture::ChromaBounds& chroma, capture::SampleBounds luma) const {
-  for (std::size_t row = chroma.v.min / 4; row <= chroma.v.max / 4; ++row)
-    for (std::size_t column = chroma.u.min / 4; column <= chroma.u.max / 4; ++column) {
-      const Interval& cell = luma_of_cells_[row][column];
-      if (cell.y_min <= luma.max && cell.y_max >= luma.min) return true;
+bool ColorTable::may_contain(const capture::PixelBounds& bounds) const {
+  const auto& [y, u, v] = bounds;
+  const std::uint64_t columns = ~std::uint64_t{0} >> (63 - u.max / 4) & ~std::uint64_t{0} << u.min / 4;
+  for (std::size_t row = v.min / 4; row <= v.max / 4; ++row)
+    for (std::uint64_t open = cells_[row] & columns; open != 0; open &= open - 1) {
+      const Interval& cell = luma_of_cells_[row][static_cast<std::size_t>(std::countr_zero(open))];
+      if (cell.y_min <= y.max && cell.y_max >= y.min) return true;
     }
   return false;
 }

@@ -82,9 +82,8 @@ class ColorTable {
     return (bgr_bits_[index >> 6] >> (index & 63) & 1) != 0;
   }
 
-  // False: no pixel whose chroma (and luma) lies within the bounds matches. For the YUV family and grey.
-  bool may_contain(const capture::ChromaBounds& chroma) const;
-  bool may_contain(const capture::ChromaBounds& chroma, capture::SampleBounds luma) const;
+  // False: no pixel within the bounds matches. For the YUV family and grey.
+  bool may_contain(const capture::PixelBounds& bounds) const;
 
   bool is_for(capture::PixelFormat format, capture::ColorRange range) const;  // which images it can read
   const Interval* intervals() const { return y_of_uv_.data(); }               // [u | v << 8]; YUV family and grey

@@ -13,25 +13,25 @@ bool has_point(int unit, int shift, int step) {
 
 }  // namespace
 
-// First by chroma, whose bounds cost least; the remaining units by luma, since dark greys may have a saturated hue.
 UnitFilter::UnitFilter(const capture::PixelsOnDemand* pixels, const ColorTable* table, int step) : pixels_(pixels) {
   if (pixels == nullptr) return;
   column_shift_ = pixels->column_shift(), row_shift_ = pixels->row_shift(), columns_ = pixels->columns();
-  const auto chroma = pixels->chroma_bounds();
-  std::vector<std::uint32_t> open;
+  const auto bounds = pixels->bounds();
+  const auto may_contain = [&](std::size_t unit) {
+    if (bounds.empty()) return true;
+    capture::PixelBounds narrowed = bounds[unit];
+    if (!table->may_contain(narrowed)) return false;
+    pixels->narrow_chroma(unit, narrowed);
+    return table->may_contain(narrowed);
+  };
+  may_.resize(pixels->units());
   for (int row = 0; row < pixels->rows(); ++row) {
     if (!has_point(row, row_shift_, step)) continue;
     for (int column = 0; column < columns_; ++column) {
-      const auto unit = static_cast<std::uint32_t>(row * columns_ + column);
-      if (has_point(column, column_shift_, step) && (chroma.empty() || table->may_contain(chroma[unit])))
-        open.push_back(unit);
+      const auto unit = static_cast<std::size_t>(row * columns_ + column);
+      may_[unit] = has_point(column, column_shift_, step) && may_contain(unit) ? 1 : 0;
     }
   }
-  may_.resize(pixels->units());
-  std::vector<capture::SampleBounds> luma(open.size());
-  if (!chroma.empty()) pixels->find_luma_bounds(open, luma.data());
-  for (std::size_t i = 0; i < open.size(); ++i)
-    may_[open[i]] = chroma.empty() || table->may_contain(chroma[open[i]], luma[i]) ? 1 : 0;
 }
 
 void UnitFilter::require() const {

@@ -1,4 +1,4 @@
-// Which parts of a compressed image may have a colour, by bounds of their chroma: the others need not be decoded.
+// Which parts of a compressed image may have a colour, by bounds of their samples: the others need not be decoded.
 #pragma once
 
 #include <cstddef>

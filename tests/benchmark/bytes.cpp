@@ -5,7 +5,7 @@
 //   OpenCV     what a user would write: imdecode, cvtColor, inRange, connectedComponents, triangulation
 // Besides: libjpeg-turbo's planar decode alone, the index alone, and the share of the pictures that was decoded.
 // Then a camera host with `send: matches`: from a JPEG to the message, pictures decoded whole and on demand.
-//   bytes [ROUNDS, 5]
+//   bytes [ROUNDS, 5 [host]]      host: only the camera host
 #include <algorithm>
 #include <array>
 #include <cstdio>
@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "benchmark/blob_tracker.h"
+#include "benchmark/camera_jpegs.h"
 #include "benchmark/speed_run.h"
 #include "calib/model/median.h"
 #include "capture/frames/light_watch.h"
@@ -25,36 +26,17 @@
 #include "capture/jpeg/jpeg_reader.h"
 #include "color/match_tiles.h"
 #include "hosts/match_finder.h"
-#include "pictures/pictures.h"
 
 namespace {
 
 using namespace huetrack;
 
-constexpr int cameras = 3, sets = 10, sets_per_round = 60, quality = 90;
-constexpr double noise_luma = 2.2, noise_chroma = 0.6;  // grey values
+constexpr int cameras = 3, sets = 10, sets_per_round = 60;
 
 double cpu_ms() {
   timespec now{};
   clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
   return 1e3 * double(now.tv_sec) + 1e-6 * double(now.tv_nsec);
-}
-
-// The pictures of a scene as JPEGs with a sensor's noise.
-void compress(figures::Sequence& sequence) {
-  for (capture::FrameSet& set : sequence.sets) {
-    for (auto& frame : set.frames) {
-      cv::Mat ycc, noise(frame->pixels.height, frame->pixels.width, CV_16SC3), bgr;
-      cv::cvtColor(pictures::bgr_of(frame->pixels), ycc, cv::COLOR_BGR2YCrCb);
-      cv::randn(noise, cv::Scalar::all(0), cv::Scalar(noise_luma, noise_chroma, noise_chroma));
-      cv::add(ycc, noise, ycc, cv::noArray(), CV_8UC3);
-      cv::cvtColor(ycc, bgr, cv::COLOR_YCrCb2BGR);
-      auto jpeg = std::make_shared<std::vector<std::uint8_t>>();
-      cv::imencode(".jpg", bgr, *jpeg, {cv::IMWRITE_JPEG_QUALITY, quality});
-      frame->encoded = std::move(jpeg);
-      frame->pixels = {};
-    }
-  }
 }
 
 class Path {
@@ -139,7 +121,7 @@ double per_frame(const std::vector<double>& rounds) {
 
 void measure(const Size& size, int rounds) {
   figures::Sequence sequence = figures::scene_at(cameras, size.width, size.height, sets);
-  compress(sequence);
+  figures::compress(sequence);
   double bytes = 0;
   for (const auto& set : sequence.sets)
     for (const auto& frame : set.frames) bytes += double(frame->encoded->size()) / (cameras * sets);
@@ -190,7 +172,7 @@ void measure(const Size& size, int rounds) {
 // A host's CPU time of a frame: JPEG to matches of one colour, with the pixels around one outline.
 void measure_host(const Size& size, int rounds) {
   figures::Sequence sequence = figures::scene_at(cameras, size.width, size.height, sets);
-  compress(sequence);
+  figures::compress(sequence);
   const hosts::MatchFinderOptions asked{
       .colors = {color::matched_color(figures::lime_ball().color)},
       .picture_every = std::chrono::seconds(1),
@@ -231,7 +213,7 @@ int main(int argc, char** argv) {
       "CPU ms per camera and frame: bytes to position of\n"
       "size           JPEG |  whole on demand  OpenCV | planar   index | demand/whole   OpenCV/d. | decoded | tracked");
   for (const Size& size : {Size{640, 480, 0.4}, {1280, 720, 0.3}, {1920, 1080, 0.25}, {1920, 1440, 0.25}})
-    measure(size, rounds);
+    if (argc < 3) measure(size, rounds);
   measure_host({1280, 720, 0.5}, rounds);
   return 0;
 }

@@ -10,6 +10,7 @@
 #include <cstdio>
 #include <sstream>
 
+#include "benchmark/live_process.h"
 #include "clients/huetrack/position_subscription.h"
 #include "end_to_end/http.h"
 #include "end_to_end/process.h"
@@ -19,6 +20,8 @@
 namespace {
 
 using namespace huetrack;
+using figures::cpu_s;
+using figures::quantile;
 namespace fs = std::filesystem;
 using namespace std::chrono_literals;
 
@@ -39,12 +42,6 @@ struct Figures {
   std::size_t samples = 0, tracking = 0;
 };
 
-double quantile(std::vector<double> values, double q) {
-  if (values.empty()) return 0;
-  std::ranges::sort(values);
-  return values[std::min(values.size() - 1, std::size_t(q * double(values.size())))];
-}
-
 // Linear inside its bucket.
 double quantile(const std::map<std::string, double>& metrics, const std::string& family, double q) {
   const double all = metrics.at(family + "_count");
@@ -59,15 +56,6 @@ double quantile(const std::map<std::string, double>& metrics, const std::string&
     lower_s = bound_s;
   }
   return INFINITY;
-}
-
-double cpu_s(pid_t pid) {
-  std::istringstream stat(end_to_end::contents("/proc/" + std::to_string(pid) + "/stat"));
-  std::string word;
-  for (int i = 0; i < 13; ++i) stat >> word;
-  double user = 0, system = 0;
-  stat >> user >> system;
-  return (user + system) / double(sysconf(_SC_CLK_TCK));
 }
 
 double status_mb(pid_t pid, const std::string& key) {

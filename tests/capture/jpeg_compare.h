@@ -4,7 +4,6 @@
 #include <array>
 #include <cstring>
 #include <memory>
-#include <numeric>
 #include <string>
 #include <vector>
 
@@ -44,19 +43,21 @@ inline IndexedImage decode_all(const JpegIndex& index, int run = 7) {
   return decoded;
 }
 
-// Whether all pixels lie within the bounds of their MCUs.
+// Whether all pixels lie within the bounds of their MCUs, of which those of chroma are narrowed.
 inline bool is_within_bounds(const JpegIndex& index, const Image& image) {
-  const std::vector<ChromaBounds> chroma = index.chroma_bounds();
-  std::vector<std::uint32_t> all(chroma.size());
-  std::iota(all.begin(), all.end(), 0U);
-  std::vector<SampleBounds> luma(all.size());
-  index.find_luma_bounds(all, luma.data());
+  std::vector<PixelBounds> bounds = index.bounds();
+  for (std::size_t mcu = 0; mcu < bounds.size(); ++mcu) {
+    const PixelBounds wide = bounds[mcu];
+    index.narrow_chroma(mcu, bounds[mcu]);
+    const auto is_narrower = [](SampleBounds a, SampleBounds b) { return a.min >= b.min && a.max <= b.max; };
+    if (!is_narrower(bounds[mcu].u, wide.u) || !is_narrower(bounds[mcu].v, wide.v)) return false;
+  }
   const auto is_in = [](std::uint8_t value, SampleBounds bounds) { return value >= bounds.min && value <= bounds.max; };
   for (int v = 0; v < image.height; ++v)
     for (int u = 0; u < image.width; ++u) {
       const auto mcu = static_cast<std::size_t>(v / index.mcu_height() * index.mcu_columns() + u / index.mcu_width());
       const Yuv p = yuv_at(image, u, v);
-      if (!is_in(p.y, luma[mcu]) || !is_in(p.u, chroma[mcu].u) || !is_in(p.v, chroma[mcu].v)) return false;
+      if (!is_in(p.y, bounds[mcu].y) || !is_in(p.u, bounds[mcu].u) || !is_in(p.v, bounds[mcu].v)) return false;
     }
   return true;
 }

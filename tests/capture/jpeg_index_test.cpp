@@ -99,6 +99,23 @@ TEST(JpegIndex, TakesRestartMarkers) {
   EXPECT_EQ(index_of(wrong), nullptr);
 }
 
+// By a second pass, and, for the third frame that is searched on, by the index pass.
+TEST(JpegIndex, BoundsDoNotDependOnThePassThatComputesThem) {
+  const auto numbers = [](const std::vector<PixelBounds>& bounds) {
+    std::vector<int> out;
+    for (const auto& [y, u, v] : bounds) out.insert(out.end(), {y.min, y.max, u.min, u.max, v.min, v.max});
+    return out;
+  };
+  for (const int interval : {0, 7})
+    for (const double noise : {3.0, 60.0}) {
+      SCOPED_TRACE(testing::Message() << interval << " " << noise);
+      JpegIndexPool pool;
+      const Bytes jpeg = make_jpeg({.width = 480, .height = 320, .restart_interval = interval, .noise = noise});
+      const std::vector<int> expected = numbers(index_of(jpeg)->bounds());
+      for (int frame = 0; frame < 4; ++frame) EXPECT_EQ(numbers(index_of(jpeg, &pool)->bounds()), expected) << frame;
+    }
+}
+
 Bytes with_segment(Bytes jpeg, std::uint8_t marker, std::string_view text) {
   Bytes segment{0xFF, marker, 0, static_cast<std::uint8_t>(text.size() + 2)};
   segment.insert(segment.end(), text.begin(), text.end());

@@ -18,7 +18,7 @@ class CopyOnDemand final : public PixelsOnDemand {
  public:
   static constexpr int side = 16, shift = 4;  // pixels of a unit
 
-  // knows_bounds: of the samples, and those are as narrow as can be.
+  // knows_bounds: of the samples.
   explicit CopyOnDemand(Image whole, bool knows_bounds = false)
       : PixelsOnDemand(whole.width, whole.height, shift, shift),
         whole_(std::move(whole)),
@@ -30,10 +30,9 @@ class CopyOnDemand final : public PixelsOnDemand {
   }
 
   Image eighth() const override { return {}; }
-  void find_luma_bounds(std::span<const std::uint32_t> wanted, SampleBounds* out) const override {
-    std::vector<SampleBounds> all(units(), none);
-    for_each_pixel([&](std::size_t unit, Yuv p) { add(all[unit], p.y); });
-    for (const std::uint32_t unit : wanted) *out++ = all[unit];
+  void narrow_chroma(std::size_t unit, PixelBounds& bounds) const override {
+    const PixelBounds exact = exact_bounds(unit);
+    bounds.u = exact.u, bounds.v = exact.v;
   }
   const Image& target() const { return target_.image; }
   int calls() const { return calls_; }
@@ -53,25 +52,30 @@ class CopyOnDemand final : public PixelsOnDemand {
     }
   }
 
-  std::vector<ChromaBounds> find_chroma_bounds() const override {
+  // Those of chroma are wider than they need be, as a JPEG's are.
+  std::vector<PixelBounds> find_bounds() const override {
     if (!knows_bounds_ || whole_.format == PixelFormat::bgr) return {};
-    std::vector<ChromaBounds> bounds(units(), {.u = none, .v = none});
-    for_each_pixel([&](std::size_t unit, Yuv p) {
-      add(bounds[unit].u, p.u);
-      add(bounds[unit].v, p.v);
-    });
+    constexpr int excess = 40;
+    std::vector<PixelBounds> bounds;
+    for (std::size_t unit = 0; unit < units(); ++unit) {
+      PixelBounds& of_unit = bounds.emplace_back(exact_bounds(unit));
+      for (SampleBounds* const chroma : {&of_unit.u, &of_unit.v})
+        *chroma = {.min = static_cast<std::uint8_t>(std::max(chroma->min - excess, 0)),
+                   .max = static_cast<std::uint8_t>(std::min(chroma->max + excess, 255))};
+    }
     return bounds;
   }
-
-  static constexpr SampleBounds none{.min = 255, .max = 0};
-  static void add(SampleBounds& to, std::uint8_t value) {
-    to = {.min = std::min(to.min, value), .max = std::max(to.max, value)};
-  }
-  template <typename Of>
-  void for_each_pixel(const Of& of) const {
-    for (int v = 0; v < whole_.height; ++v)
-      for (int u = 0; u < whole_.width; ++u)
-        of(static_cast<std::size_t>((v >> shift) * columns() + (u >> shift)), yuv_at(whole_, u, v));
+  PixelBounds exact_bounds(std::size_t unit) const {
+    const int u0 = static_cast<int>(unit) % columns() * side, v0 = static_cast<int>(unit) / columns() * side;
+    PixelBounds bounds{.y = no_sample, .u = no_sample, .v = no_sample};
+    for (int v = v0; v < std::min(v0 + side, whole_.height); ++v)
+      for (int u = u0; u < std::min(u0 + side, whole_.width); ++u) {
+        const Yuv p = yuv_at(whole_, u, v);
+        bounds.y.include({p.y, p.y});
+        bounds.u.include({p.u, p.u});
+        bounds.v.include({p.v, p.v});
+      }
+    return bounds;
   }
 
   const Image whole_;

@@ -123,6 +123,20 @@ TEST(Recycler, GivesObjectsOutAgainAndKeepsFew) {
   late.reset();  // after the recycler
 }
 
+TEST(Recycler, FreesObjectsThatPointToThemselvesWeakly) {
+  static int alive = 0;
+  struct Counted : std::enable_shared_from_this<Counted> {
+    Counted() { ++alive; }
+    ~Counted() { --alive; }
+  };
+  {
+    Recycler<Counted> recycler;
+    recycler.take();
+    EXPECT_EQ(alive, 1);  // unused, and kept
+  }
+  EXPECT_EQ(alive, 0);
+}
+
 TEST(JpegReader, GivesTheDecodersPixelsWhereTheyAreAskedFor) {
   const Reading poisoned(JpegReading::poisoned);
   const auto jpeg = encode_picture(noise_image(PixelFormat::i420, 320, 240), {.width = 320, .height = 240}, 90);

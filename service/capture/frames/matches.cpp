@@ -48,11 +48,9 @@ void for_each_run(const std::vector<std::uint64_t>& tiles, int width, int height
     }
     end = to;
   };
-  for (std::size_t v = 0; v < static_cast<std::size_t>(height); ++v) {
-    const std::uint64_t* const row = &tiles[v / Matches::tile_size * across];
-    const unsigned shift = 8 * (v % Matches::tile_size);
+  const auto match_row = [&](std::span<const std::uint64_t> row, std::size_t v) {
     for (std::size_t t = 0; t < across; ++t) {
-      unsigned bits = row[t] >> shift & all;
+      unsigned bits = row[t] >> (8 * (v % Matches::tile_size)) & all;
       const std::size_t at = v * columns + t * Matches::tile_size;
       for (unsigned u = 0; bits != 0;) {
         const unsigned gap = static_cast<unsigned>(std::countr_zero(bits));
@@ -62,6 +60,12 @@ void for_each_run(const std::vector<std::uint64_t>& tiles, int width, int height
         bits = bits >> gap >> length;
       }
     }
+  };
+  const auto rows = static_cast<std::size_t>(height);
+  for (std::size_t first = 0; first < rows; first += Matches::tile_size) {
+    const auto row = std::span(tiles).subspan(first / Matches::tile_size * across, across);
+    if (std::ranges::all_of(row, [](std::uint64_t tile) { return tile == 0; })) continue;
+    for (std::size_t v = first; v < std::min(first + Matches::tile_size, rows); ++v) match_row(row, v);
   }
   if (begin != end) run(begin, end);
 }

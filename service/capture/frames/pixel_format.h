@@ -36,7 +36,7 @@ struct Plane {
 // An image in the camera's own format, read-only. `owner` keeps the bytes alive (a decoder's frame, an mmap()ed buffer
 // that returns to the driver when the last reader lets go, a plain vector); tracker, recorder and preview share it.
 // Planes: yuyv, bgr, grey use planes[0]; nv12 planes[0..1]; i4xx planes[0..2] = Y, U, V.
-// Who reads planes calls require() or require_all() first: the bytes of a compressed image are undefined before.
+// Readers of planes call require() or require_all() first: the bytes of a compressed image are undefined before.
 struct Image {
   PixelFormat format = PixelFormat::grey;
   ColorRange range = ColorRange::limited;

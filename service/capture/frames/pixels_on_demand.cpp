@@ -26,8 +26,8 @@ PixelsOnDemand::PixelsOnDemand(int width, int height, int column_shift, int row_
       words_of_row_((columns_ + word_bits - 1) / word_bits),
       done_(std::make_unique<std::atomic<std::uint64_t>[]>(static_cast<std::size_t>(words_of_row_ * rows_))) {}
 
-std::span<const ChromaBounds> PixelsOnDemand::chroma_bounds() const {
-  std::call_once(bounds_once_, [this] { bounds_ = find_chroma_bounds(); });
+std::span<const PixelBounds> PixelsOnDemand::bounds() const {
+  std::call_once(bounds_once_, [this] { bounds_ = find_bounds(); });
   return bounds_;
 }
 

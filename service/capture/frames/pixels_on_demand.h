@@ -1,6 +1,7 @@
-// Pixels of a compressed image that are decoded where and when a reader needs them.
+// Pixels of a compressed image that are decoded when and where a reader requires them.
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
@@ -16,13 +17,15 @@ struct Image;
 // Inclusive.
 struct SampleBounds {
   std::uint8_t min = 0, max = 255;
+
+  void include(SampleBounds other) { min = std::min(min, other.min), max = std::max(max, other.max); }
 };
-struct ChromaBounds {
-  SampleBounds u, v;
+constexpr SampleBounds no_sample{.min = 255, .max = 0};
+struct PixelBounds {
+  SampleBounds y, u, v;
 };
 
-// Belongs to one image. thread-safe: tracker, watches and previews share a frame. Decoding happens in the reader's
-// thread.
+// The pixels of one image. thread-safe: tracker, watches and previews share a frame. The reader's thread decodes.
 class PixelsOnDemand {
  public:
   virtual ~PixelsOnDemand() = default;
@@ -33,7 +36,7 @@ class PixelsOnDemand {
   void require(int u0, int v0, int u1, int v1) const;
   void require_all() const { require(0, 0, width_, height_); }
 
-  // The image at 1/8 of its size: means of 8x8 samples, known without decoding anything. Without planes: not known.
+  // The image at 1/8 of its size: means of 8x8 samples, known without decoding. Without planes: not known.
   virtual Image eighth() const = 0;
 
   // Pixels are decoded in units of 2^column_shift() columns and 2^row_shift() rows.
@@ -42,26 +45,25 @@ class PixelsOnDemand {
   int columns() const { return columns_; }
   int rows() const { return rows_; }
 
-  // Bounds of each unit's chroma, row by row; empty: not known. All of its pixels lie within them, so what looks for a
-  // colour in the whole image need not decode most of it. Computed by the first call, at some 5 % of the cost of
-  // decoding.
-  std::span<const ChromaBounds> chroma_bounds() const;
-  // Bounds of these units' luma (units are counted row by row), one for each. Costs some 15 % of decoding them.
-  virtual void find_luma_bounds(std::span<const std::uint32_t> units, SampleBounds* out) const = 0;
+  // Bounds of the samples of each unit, row by row; empty: not known. A search for a colour need not decode a unit
+  // whose bounds exclude it. Computed by the first call.
+  std::span<const PixelBounds> bounds() const;
+  // Narrows the bounds of a unit's chroma to the range of its samples, at about a third of the cost of decoding it.
+  virtual void narrow_chroma(std::size_t unit, PixelBounds& bounds) const = 0;
 
   // For benchmarks and tests.
   std::size_t decoded_units() const { return decoded_.load(std::memory_order_relaxed); }
   std::size_t units() const { return static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_); }
 
  protected:
-  // Of an image of this size, nothing decoded. 2^shift columns and rows of pixels are decoded together.
+  // An image of this size, in which nothing is decoded. A unit has 2^shift columns and rows.
   PixelsOnDemand(int width, int height, int column_shift, int row_shift);
 
  private:
-  // Units first .. first + count - 1 of a row of them. Called once for each unit, by one thread at a time. Writes their
-  // pixels and no others.
+  // Writes the pixels of the units first .. first + count - 1 of a row of units, and no others. Called once for each
+  // unit, by one thread at a time.
   virtual void decode(int row, int first, int count) const = 0;
-  virtual std::vector<ChromaBounds> find_chroma_bounds() const { return {}; }
+  virtual std::vector<PixelBounds> find_bounds() const { return {}; }
   void decode_missing(int row, int first, int last) const;
   std::atomic<std::uint64_t>& word(int row, int column) const {
     return done_[static_cast<std::size_t>(row * words_of_row_ + column / 64)];
@@ -73,7 +75,7 @@ class PixelsOnDemand {
   mutable std::mutex mutex_;                                  // held while decoding
   mutable std::atomic<std::size_t> decoded_ = 0;
   mutable std::once_flag bounds_once_;
-  mutable std::vector<ChromaBounds> bounds_;  // once they are found
+  mutable std::vector<PixelBounds> bounds_;  // result of find_bounds()
 };
 
 }  // namespace huetrack::capture

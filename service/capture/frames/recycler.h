@@ -29,7 +29,9 @@ class Recycler {
       }
     }
     if (!object) object = std::make_unique<T>();
-    return {object.release(), [shelf = shelf_](T* p) { shelf->put(std::unique_ptr<T>(p)); }};
+    // Moved out: a weak pointer to an unused object would keep the deleter, and so the shelf that owns the object.
+    return {object.release(),
+            [shelf = shelf_](T* p) mutable { std::exchange(shelf, nullptr)->put(std::unique_ptr<T>(p)); }};
   }
 
  private:

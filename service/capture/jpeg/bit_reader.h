@@ -1,4 +1,4 @@
-// The bits of entropy-coded bytes without stuffing and markers, the first one in the highest bit.
+// Reads the bits of entropy-coded bytes that have no stuffing and markers, from the highest bit of a byte on.
 #pragma once
 
 #include <bit>
@@ -8,10 +8,10 @@
 
 namespace huetrack::capture {
 
-// Reads up to 8 bytes beyond the last bit that is taken: the caller's memory is padded.
+// Reads up to 8 bytes beyond the last bit that is taken: the caller pads the memory.
 class BitReader {
  public:
-  // After refill() this many bits can be taken.
+  // Bits that can be taken after refill().
   static constexpr int refilled = 56;
 
   BitReader(const std::uint8_t* bytes, std::size_t bit) : next_(bytes + bit / 8) {
@@ -31,7 +31,7 @@ class BitReader {
     bits_ <<= n;
     left_ -= n;
   }
-  std::uint64_t bits() const { return bits_; }  // those that are left, from the highest on
+  std::uint64_t bits() const { return bits_; }  // the next bits, from the highest on
   std::uint32_t next(int n) const { return static_cast<std::uint32_t>(bits_ >> (64 - n)); }
   const std::uint8_t* position() const { return next_; }
   std::size_t bit_after(const std::uint8_t* bytes) const { return static_cast<std::size_t>(next_ - bytes) * 8 - left_; }
@@ -42,7 +42,7 @@ class BitReader {
   unsigned left_ = 0;
 };
 
-// The value of a coefficient that is coded by the highest `n` of `bits` (0 to 15).
+// The value of a coefficient that the highest `n` of `bits` code; n: 0 to 15.
 [[gnu::always_inline]] inline int coded_value(std::uint64_t bits, unsigned n) {
   const int value = static_cast<int>(bits >> 1 >> (63 - n));
   const int is_negative = static_cast<int>(~static_cast<std::int64_t>(bits) >> 63);

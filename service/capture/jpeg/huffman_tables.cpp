@@ -8,8 +8,8 @@
 namespace huetrack::capture {
 namespace {
 
-constexpr std::uint32_t beyond_window = 0xFF;  // coefficients
-constexpr unsigned most_advance = 63;  // of the symbols of one entry, so that sums of coefficients are unambiguous
+constexpr std::uint32_t beyond_index = 0xFF;  // progress
+constexpr unsigned most_advance = 63;         // of an entry's symbols, so that sums of progress are unambiguous
 
 // Calls of(symbol) for each code of up to `longest` bits, in ascending order of the codes.
 template <typename Of>
@@ -19,7 +19,7 @@ void for_each_symbol(const HuffmanCode& code, int longest, Of&& of) {
     for (int n = code.counts[bits - 1]; n > 0; --n) of(HuffmanSymbol{bits, code.symbols[index++]});
 }
 
-// Of a coefficient that is coded by `bits` bits, of which the first `seen` are `value`: its largest absolute value.
+// The largest absolute value of a coefficient that `bits` bits code, of which the first `seen` are `value`.
 std::uint16_t most_amplitude(unsigned value, unsigned seen, unsigned bits) {
   if (seen > bits) value >>= seen - bits, seen = bits;
   const unsigned unseen = bits - seen;
@@ -28,9 +28,8 @@ std::uint16_t most_amplitude(unsigned value, unsigned seen, unsigned bits) {
   return static_cast<std::uint16_t>(most << unseen | ((1U << unseen) - 1));
 }
 
-// Entries of ComponentTables::skip, and their amplitudes, for all windows up to `longest`; that of `w` bits begins at
-// 1 << w. Entry 0: no symbol. A symbol that leaves bits in its window is followed by whatever follows in a window of
-// those bits.
+// Entries of ComponentTables::skip, and their amplitudes, for all indices of up to `longest` bits; those of `w` bits
+// begin at 1 << w. Entry 0: no symbol. Where a symbol leaves bits of the index, the entry of these bits is added to it.
 class SkipLevels {
  public:
   static constexpr int longest = ComponentTables::skip_window;
@@ -107,7 +106,7 @@ bool ComponentTables::make(const HuffmanCode& dc, const HuffmanCode& ac) {
         std::fill_n(next_symbol, std::size_t{1} << (symbol_window - static_cast<int>(s.bits)), ac_symbol_entry(s));
   });
 
-  start.fill(beyond_window << 8);
+  start.fill(beyond_index << 8);
   start_amplitude.fill(0);
   std::size_t next = 0;
   bool is_valid = true;

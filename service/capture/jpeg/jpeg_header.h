@@ -1,4 +1,4 @@
-// What stands before the entropy-coded bytes of a baseline JPEG.
+// The segments before the entropy-coded bytes of a baseline JPEG.
 #pragma once
 
 #include <array>
@@ -11,21 +11,21 @@
 
 namespace huetrack::capture {
 
-// As in a DHT segment: how many codes of 1..16 bits there are, and their symbols in ascending order of the codes.
+// As in a DHT segment: the numbers of codes of 1..16 bits, and their symbols in ascending order of the codes.
 struct HuffmanCode {
   std::array<std::uint8_t, 16> counts{};
   std::array<std::uint8_t, 256> symbols{};
   bool operator==(const HuffmanCode&) const = default;
 };
 
-// Those of ITU-T T.81, Annex K.3, which motion JPEG may leave out; 0: luma, 1: chroma.
+// The codes of ITU-T T.81, Annex K.3, which motion JPEG may omit; 0: luma, 1: chroma.
 const HuffmanCode& standard_dc_code(int table);
 const HuffmanCode& standard_ac_code(int table);
 
 struct JpegHeader {
   struct Component {
-    int h = 1, v = 1;                      // sampling factors: blocks in an MCU; 1 x 1 in a JPEG of one component
-    std::array<std::int16_t, 64> steps{};  // of quantisation, in zigzag order, as libjpeg-turbo multiplies: modulo 2^16
+    int h = 1, v = 1;                      // blocks in an MCU; 1 x 1 in a JPEG of one component
+    std::array<std::int16_t, 64> steps{};  // of quantisation, in zigzag order, modulo 2^16 as in libjpeg-turbo
     HuffmanCode dc, ac;
   };
   PixelFormat format = PixelFormat::grey;
@@ -35,17 +35,17 @@ struct JpegHeader {
   std::array<Component, 3> component;
   int restart_interval = 0;  // MCUs; 0: none
   std::size_t scan = 0;      // offset of the first entropy-coded byte
-  int padding = 0;           // bytes between segments that belong to none
+  int padding = 0;           // bytes between segments
 
-  int mcu_width() const { return 8 * component[0].h; }  // the first component has all the samples
+  int mcu_width() const { return 8 * component[0].h; }  // the first component is not subsampled
   int mcu_height() const { return 8 * component[0].v; }
 };
 
-// Webcams pad by a byte or two; JpegDecoder tolerates as much before one marker. Here it is the limit for all of them.
+// Webcams pad by a byte or two. JpegDecoder tolerates so many bytes before each marker, JpegIndex in the whole JPEG.
 constexpr int most_jpeg_padding = 16;
 
-// Advances `at` behind the next marker, adds skipped bytes to `padding`, as libjpeg counts them, and returns the
-// marker. nullopt: none, or too much padding.
+// Advances `at` behind the next marker and returns it. Adds skipped bytes to `padding` as libjpeg counts them. nullopt:
+// no marker, or too much padding.
 std::optional<std::uint8_t> next_jpeg_marker(std::span<const std::uint8_t> jpeg, std::size_t& at, int& padding);
 
 // nullopt: see JpegIndex::build().

@@ -1,5 +1,5 @@
-// A baseline JPEG, decoded only where it is looked at. One pass over its bits finds where each MCU begins and the mean
-// of each 8x8 block; single MCUs are then decoded on demand.
+// A baseline JPEG that is decoded on demand. One pass over its bits finds where each MCU begins and the mean of each
+// 8x8 block; single MCUs are decoded later.
 #pragma once
 
 #include <array>
@@ -10,35 +10,25 @@
 #include <vector>
 
 #include "capture/frames/pixel_format.h"
+#include "capture/frames/recycler.h"
 
 namespace huetrack::capture {
 
-// What indices need again for the next frame: their memory, and the tables made of the JPEG's Huffman codes. With one
-// per source, frames of one size allocate nothing but a reference count. Thread-safe; indices may outlive it. Holds at
-// most `most_free` indices.
-class JpegIndexPool {
- public:
-  explicit JpegIndexPool(int most_free = 8);
-  ~JpegIndexPool();
-  JpegIndexPool(const JpegIndexPool&) = delete;
-  JpegIndexPool& operator=(const JpegIndexPool&) = delete;
-
- private:
-  friend class JpegIndex;
-  struct Impl;
-  std::shared_ptr<Impl> impl_;
-};
+class JpegIndex;
+// One per source: its next frames reuse the memory and the Huffman tables of its indices.
+using JpegIndexPool = Recycler<JpegIndex>;
 
 // Immutable and thread-safe. Memory: about the JPEG's size, 4 bytes per MCU and 2 per block.
 class JpegIndex : public std::enable_shared_from_this<JpegIndex> {
  public:
+  JpegIndex();  // for JpegIndexPool: of no JPEG
   ~JpegIndex();
   JpegIndex(const JpegIndex&) = delete;
   JpegIndex& operator=(const JpegIndex&) = delete;
 
-  // The pixels are bit for bit those of JpegDecoder (libjpeg-turbo's accurate integer transform). What is accepted here
-  // is accepted by JpegDecoder, too. nullptr: give the bytes to JpegDecoder, which decodes or refuses them: the JPEG is
-  // not baseline (8 bit, Huffman), not in one scan, of a kind that Image cannot hold, of another size, damaged, or odd
+  // The pixels are bit for bit those of JpegDecoder (libjpeg-turbo's accurate integer transform), which accepts all
+  // that is accepted here. nullptr: pass the bytes to JpegDecoder, which decodes or refuses them. The JPEG is then not
+  // baseline (8 bit, Huffman), has several scans, does not fit Image, has another size, is damaged, or is unusual
   // enough to be left to libjpeg. Does not throw, except std::bad_alloc. width, height: an image of another size is
   // refused by its header; 0: any. pool: may be nullptr.
   static std::shared_ptr<const JpegIndex> build(std::shared_ptr<const std::vector<std::uint8_t>> jpeg, int width = 0,
@@ -59,20 +49,18 @@ class JpegIndex : public std::enable_shared_from_this<JpegIndex> {
   void decode(int mcu_v, int mcu_u0, int mcu_u1, const std::array<std::uint8_t*, 3>& planes,
               const std::array<std::ptrdiff_t, 3>& strides) const;
 
-  // The picture at 1/8 size: each pixel is the mean of an 8x8 block of its component, from the DC coefficient alone
-  // (what a 1/8 decode of libjpeg gives). Same format and range. Size: whole MCUs / 8; what lies beyond the image's
-  // edge is the encoder's padding. The image keeps this index.
+  // The image at 1/8 of its size, by DC coefficients alone (as a 1/8 decode by libjpeg): each pixel is the mean of an
+  // 8x8 block of its component. Same format and range. Size: whole MCUs / 8; beyond the image's edge is the encoder's
+  // padding. The image keeps this index alive.
   Image eighth() const;
 
-  // Of each MCU, row by row: what its chroma surely lies within, by the DC and the sum of the AC coefficients.
-  std::vector<ChromaBounds> chroma_bounds() const;
-  // The same of the luma of these MCUs, which are counted row by row.
-  void find_luma_bounds(std::span<const std::uint32_t> mcus, SampleBounds* out) const;
+  // Of each MCU, row by row: bounds of its samples, by the DC and the sum of the AC coefficients. build() computes most
+  // of it already in memory whose last two frames were asked for their bounds.
+  std::vector<PixelBounds> bounds() const;
+  // Narrows the bounds of an MCU's chroma to the range of its samples, the padding included. mcu: counted row by row.
+  void narrow_chroma(std::size_t mcu, PixelBounds& bounds) const;
 
  private:
-  friend class JpegIndexPool;
-  JpegIndex();
-
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };

@@ -38,15 +38,13 @@ class JpegPixels final : public PixelsOnDemand {
 
   Plane plane(std::size_t i) const { return {planes_[i], strides_[i]}; }
   Image eighth() const override { return index_->eighth(); }
-  void find_luma_bounds(std::span<const std::uint32_t> units, SampleBounds* out) const override {
-    index_->find_luma_bounds(units, out);
-  }
+  void narrow_chroma(std::size_t unit, PixelBounds& bounds) const override { index_->narrow_chroma(unit, bounds); }
 
  private:
   void decode(int row, int first, int count) const override {
     index_->decode(row, first, first + count, planes_, strides_);
   }
-  std::vector<ChromaBounds> find_chroma_bounds() const override { return index_->chroma_bounds(); }
+  std::vector<PixelBounds> find_bounds() const override { return index_->bounds(); }
 
   const std::shared_ptr<const JpegIndex> index_;
   const std::shared_ptr<FrameMemory> memory_;

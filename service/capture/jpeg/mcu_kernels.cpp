@@ -2,13 +2,14 @@
 
 #include <algorithm>
 #include <bit>
+#include <cstdlib>
 #include <cstring>
 
 #include "capture/jpeg/bit_reader.h"
 #include "capture/jpeg/inverse_transform.h"
 #include "particle_filter/vector_clones.h"
 
-// Shifts by a variable number of bits are most of the work, and BMI2 has them without a detour by a register of flags.
+// Shifts by a variable number of bits are most of the work; those of BMI2 do not write the flags.
 #ifdef HUETRACK_AVX2_VERSION
 #define HUETRACK_BMI2 __attribute__((target("avx2,bmi,bmi2,movbe")))
 #endif
@@ -21,18 +22,19 @@ constexpr std::array<std::uint8_t, 64> row_order{0,  1,  8,  16, 9,  2,  3,  10,
                                                  35, 42, 49, 56, 57, 50, 43, 36, 29, 22, 15, 23, 30, 37, 44, 51,
                                                  58, 59, 52, 45, 38, 31, 39, 46, 53, 60, 61, 54, 47, 55, 62, 63};
 
-constexpr std::uint32_t not_a_symbol = 0xFF;  // coefficients, which make no block complete
+constexpr std::uint32_t not_a_symbol = 0xFF;  // progress that completes no block
 
-// A block, symbol by symbol. False: it is not decodable, and `bit` is as before. swing: see find_swings(); may be
-// nullptr.
-[[gnu::noinline]] bool skip_symbols(const std::uint8_t* bytes, const ComponentTables& tables, std::size_t& bit,
-                                    std::int16_t& difference, const Swings* swings, std::uint64_t* swing) {
+// Skips a block symbol by symbol. False: it is not decodable, and `bit` is unchanged. swing: see McuLane::swings.
+[[gnu::noinline]] bool skip_symbols(const std::uint8_t* bytes, const SkippedBlock& block, std::size_t& bit,
+                                    std::int16_t& difference, std::uint64_t& swing) {
+  const ComponentTables& tables = *block.tables;
   BitReader reader(bytes, bit);
   const HuffmanSymbol dc = tables.dc_code.symbol(reader.next(16));
   if (dc.bits == 0) return false;
   reader.take(dc.bits);
   difference = static_cast<std::int16_t>(coded_value(reader.bits(), dc.value));
   reader.take(dc.value);
+  swing = 0;
   unsigned done = 1;
   while (done < 64) {
     reader.refill();
@@ -44,9 +46,9 @@ constexpr std::uint32_t not_a_symbol = 0xFF;  // coefficients, which make no blo
     }
     reader.take(entry & 255);
     done += entry >> 16 & 255;
-    if (swings != nullptr) *swing += std::uint64_t{(*swings)[done % 64]} * ((1U << (entry >> 24)) - 1);
+    swing += std::uint64_t{(*block.swings)[done % 64]} * ((1U << (entry >> 24)) - 1);
   }
-  if (!is_block_complete(done)) return false;  // more than 64 coefficients: libjpeg writes them all to the last one
+  if (!is_block_complete(done)) return false;  // more than 64 coefficients: libjpeg writes the rest to the last one
   bit = reader.bit_after(bytes);
   return true;
 }
@@ -59,10 +61,10 @@ constexpr std::uint32_t not_a_symbol = 0xFF;  // coefficients, which make no blo
 }
 
 struct Entry {
-  std::int32_t done;   // see skip_block(): how far into the block after it
-  unsigned amplitude;  // the largest sum of absolute values of its coefficients
+  std::int32_t done;   // see skip_block(): after this entry
+  unsigned amplitude;  // upper bound of the sum of its coefficients' absolute values
 };
-// The symbol with a long code that `done` has stopped at. By value, so that what it came from stays in registers.
+// The symbol with a long code that a lane has stopped at. Arguments by value keep the caller's variables in registers.
 [[gnu::noinline]] Entry long_code_at(const std::uint8_t* bytes, const ComponentTables& tables, std::size_t begin,
                                      std::int32_t done) {
   const std::uint64_t bits = bits_at(bytes, begin + static_cast<std::uint16_t>(done));
@@ -72,137 +74,148 @@ struct Entry {
   return {done - ComponentTables::long_code + static_cast<std::int32_t>(entry & 0xFFFFFF), (1U << (entry >> 24)) - 1};
 }
 
-// One block of each lane. The lanes whose block is complete wait for the others, without a branch that would depend on
-// one lane's bits: what could not be predicted would cost all lanes their work under way.
-//   each_entry(i, amplitude, done)  after each entry of lane i, with its largest sum of absolute values of coefficients
-//   again(i)                        for a lane whose entries did not apply: it reads the block symbol by symbol
-template <std::size_t lanes, typename EachEntry, typename Again>
-[[gnu::always_inline]] inline void skip_block(const std::uint8_t* bytes, const ComponentTables& tables,
-                                              std::array<std::size_t, lanes>& bit,
-                                              const std::array<std::int16_t*, lanes>& difference,
-                                              const EachEntry& each_entry, const Again& again) {
+// The state of lanes that skip in step.
+template <std::size_t lanes>
+struct LaneStates {
+  std::array<std::size_t, lanes> bit;
+  std::array<std::int16_t*, lanes> difference;
+  std::array<std::uint64_t, lanes> swing;  // of the block
+};
+
+// Skips one block in each lane. A lane whose block is complete idles until all are, without a branch: a mispredicted
+// one would discard the work of all lanes in flight. Returns the lanes whose table entries did not apply, as bits:
+// their `bit` is unchanged.
+template <bool with_swings, std::size_t lanes>
+[[gnu::always_inline]] inline unsigned skip_block(const std::uint8_t* bytes, const SkippedBlock& block,
+                                                  LaneStates<lanes>& all) {
   constexpr int start_shift = 64 - ComponentTables::start_window, skip_shift = 64 - ComponentTables::skip_window;
   constexpr std::int32_t least_with_long_code = ComponentTables::long_code - 64 * 65536;
-  const std::array<std::size_t, lanes> begin = bit;
+  const ComponentTables& tables = *block.tables;
+  const std::array<std::size_t, lanes> begin = all.bit;
   // Of each lane, in one number: the block's bits (low half), and its coefficients - 64: negative while there are more.
   std::array<std::int32_t, lanes> done;
+  const auto add_swing = [&](std::size_t i, unsigned amplitude) __attribute__((always_inline)) {
+    if constexpr (with_swings) all.swing[i] += std::uint64_t{(*block.swings)[done[i] >> 16 & 63]} * amplitude;
+  };
   for (std::size_t i = 0; i < lanes; ++i) {
     const std::uint64_t bits = bits_at(bytes, begin[i]);
     const std::size_t index = bits >> start_shift;
     const std::uint32_t start = tables.start[index];
-    *difference[i] = static_cast<std::int16_t>(coded_value(bits << (start >> 16 & 63), start >> 24));
+    *all.difference[i] = static_cast<std::int16_t>(coded_value(bits << (start >> 16 & 63), start >> 24));
     done[i] = (static_cast<std::int32_t>(start >> 8 & 255) - 64) * 65536 + static_cast<std::int32_t>(start & 255);
-    each_entry(i, tables.start_amplitude[index], done[i]);
+    if constexpr (with_swings) all.swing[i] = 0;
+    add_swing(i, tables.start_amplitude[index]);
   }
-  const auto of_any = [&]() __attribute__((always_inline)) {
-    std::int32_t all = 0;
-    for (const std::int32_t d : done) all |= d;
-    return all;
+  const auto any_of_done = [&]() __attribute__((always_inline)) {
+    std::int32_t any = 0;
+    for (const std::int32_t d : done) any |= d;
+    return any;
   };
   for (;;) {
-    while (of_any() < 0) {
+    while (any_of_done() < 0) {
       for (std::size_t i = 0; i < lanes; ++i) {
         const std::uint64_t bits = bits_at(bytes, begin[i] + static_cast<std::uint16_t>(done[i]));
         const auto add = [&](std::size_t index) __attribute__((always_inline)) {
           const auto open = static_cast<std::uint32_t>(done[i] >> 31);  // 0 if the block is complete
           const std::uint32_t entry = tables.skip[index] & open;
           done[i] += static_cast<std::int32_t>(entry);
-          each_entry(i, tables.skip_amplitude[index] & open, done[i]);
+          add_swing(i, tables.skip_amplitude[index] & open);
           return entry;
         };
         const std::uint32_t first = add(bits >> skip_shift);
         add(bits << (first & 63) >> skip_shift);
       }
     }
-    if (of_any() < least_with_long_code) [[likely]]
+    if (any_of_done() < least_with_long_code) [[likely]]
       break;
     for (std::size_t i = 0; i < lanes; ++i)
       if (done[i] >= least_with_long_code) {
         const Entry entry = long_code_at(bytes, tables, begin[i], done[i]);
         done[i] = entry.done;
-        each_entry(i, entry.amplitude, entry.done);
+        add_swing(i, entry.amplitude);
       }
   }
+  unsigned incomplete = 0;
   for (std::size_t i = 0; i < lanes; ++i) {
-    bit[i] = begin[i] + static_cast<std::uint16_t>(done[i]);
-    if (is_block_complete(static_cast<unsigned>((done[i] >> 16) + 64))) [[likely]]
-      continue;
-    bit[i] = begin[i];
-    again(i);
+    const bool is_complete = is_block_complete(static_cast<unsigned>((done[i] >> 16) + 64));
+    all.bit[i] = begin[i] + (is_complete ? static_cast<std::uint16_t>(done[i]) : 0);
+    incomplete |= (is_complete ? 0U : 1U) << i;
   }
+  return incomplete;
 }
 
-template <std::size_t lanes>
-[[gnu::always_inline]] inline void skip_while_all(const std::uint8_t* bytes,
-                                                  std::span<const ComponentTables* const> tables, std::size_t luma,
-                                                  std::span<McuLane*> all) {
-  std::array<std::size_t, lanes> bit, stop;
-  std::array<std::int16_t*, lanes> difference;
-  std::array<McuBegin*, lanes> position;
-  std::size_t most = all[0]->left;
+template <bool with_swings, std::size_t lanes>
+[[gnu::always_inline]] inline void skip_while_all(const std::uint8_t* bytes, const McuBlocks& blocks,
+                                                  std::span<McuLane*> lane) {
+  LaneStates<lanes> all;
+  std::array<SkippedMcus, lanes> out;
+  std::array<std::size_t, lanes> stop;
+  std::size_t most = lane[0]->left;
   for (std::size_t i = 0; i < lanes; ++i) {
-    bit[i] = all[i]->bit;
-    stop[i] = all[i]->stop;
-    difference[i] = all[i]->differences;
-    position[i] = all[i]->positions;
-    most = std::min(most, all[i]->left);
+    all.bit[i] = lane[i]->bit;
+    out[i] = lane[i]->next;
+    all.difference[i] = out[i].differences;
+    stop[i] = lane[i]->stop;
+    most = std::min(most, lane[i]->left);
   }
   std::size_t n = 0;
-  for (bool is_end = false; n < most && !is_end; ++n) {
-    for (std::size_t i = 0; i < lanes; ++i) position[i]->bit = static_cast<std::uint32_t>(bit[i]);
-    const auto skip_blocks = [&](std::span<const ComponentTables* const> some) __attribute__((always_inline)) {
-      for (const ComponentTables* const of_block : some) {
-        skip_block<lanes>(
-            bytes, *of_block, bit, difference, [](std::size_t, unsigned, std::int32_t) __attribute__((always_inline)){},
-            [&](std::size_t i) __attribute__((always_inline)) {
-              if (skip_symbols(bytes, *of_block, bit[i], *difference[i], nullptr, nullptr)) return;
-              position[i]->bit |= McuBegin::not_decodable;
-              ++bit[i];
-            });
-        for (auto& d : difference) ++d;
+  const auto skip_blocks = [&](std::span<const SkippedBlock> some) __attribute__((always_inline)) {
+    for (const SkippedBlock& block : some) {
+      const unsigned incomplete = skip_block<with_swings>(bytes, block, all);
+      for (std::size_t i = 0; i < lanes; ++i) {
+        if ((incomplete >> i & 1) != 0 && !skip_symbols(bytes, block, all.bit[i], *all.difference[i], all.swing[i]))
+            [[unlikely]] {
+          out[i].begins[n] |= not_decodable;
+          ++all.bit[i];
+        }
+        ++all.difference[i];
+        if constexpr (with_swings)
+          *out[i].swings++ = static_cast<std::uint16_t>(std::min<std::uint64_t>(all.swing[i], 65535));
       }
-    };
-    skip_blocks(tables.first(luma));
-    for (std::size_t i = 0; i < lanes; ++i) position[i]->chroma = static_cast<std::uint32_t>(bit[i]);
-    skip_blocks(tables.subspan(luma));
-    for (std::size_t i = 0; i < lanes; ++i) {
-      ++position[i];
-      is_end |= bit[i] >= stop[i];
     }
+  };
+  for (bool is_end = false; n < most && !is_end; ++n) {
+    for (std::size_t i = 0; i < lanes; ++i) out[i].begins[n] = static_cast<std::uint32_t>(all.bit[i]);
+    skip_blocks(blocks.all.first(blocks.luma));
+    for (std::size_t i = 0; i < lanes; ++i) out[i].chroma_begins[n] = static_cast<std::uint32_t>(all.bit[i]);
+    skip_blocks(blocks.all.subspan(blocks.luma));
+    for (std::size_t i = 0; i < lanes; ++i) is_end |= all.bit[i] >= stop[i];
   }
   for (std::size_t i = 0; i < lanes; ++i) {
-    all[i]->bit = bit[i];
-    all[i]->left -= n;
-    all[i]->differences = difference[i];
-    all[i]->positions = position[i];
+    lane[i]->bit = all.bit[i];
+    lane[i]->left -= n;
+    lane[i]->next = {.begins = out[i].begins + n,
+                     .chroma_begins = out[i].chroma_begins + n,
+                     .differences = all.difference[i],
+                     .swings = out[i].swings};
   }
 }
 
-template <std::size_t lanes>
-[[gnu::always_inline]] inline void skip_open(const std::uint8_t* bytes, std::span<const ComponentTables* const> tables,
-                                             std::size_t luma, std::span<McuLane*> open) {
+template <bool with_swings, std::size_t lanes>
+[[gnu::always_inline]] inline void skip_open(const std::uint8_t* bytes, const McuBlocks& blocks,
+                                             std::span<McuLane*> open) {
   if constexpr (lanes > 1)
-    if (open.size() < lanes) return skip_open<lanes - 1>(bytes, tables, luma, open);
-  skip_while_all<lanes>(bytes, tables, luma, open);
+    if (open.size() < lanes) return skip_open<with_swings, lanes - 1>(bytes, blocks, open);
+  skip_while_all<with_swings, lanes>(bytes, blocks, open);
 }
 
-[[gnu::always_inline]] inline void skip(const std::uint8_t* bytes, std::span<const ComponentTables* const> tables,
-                                        std::size_t luma, std::span<McuLane> lanes) {
+template <bool with_swings>
+[[gnu::always_inline]] inline void skip(const std::uint8_t* bytes, const McuBlocks& blocks, std::span<McuLane> lanes) {
   std::array<McuLane*, most_mcu_lanes> open;
   for (;;) {
     std::size_t n = 0;
     for (McuLane& lane : lanes)
       if (!lane.is_at_end()) open[n++] = &lane;
     if (n == 0) return;
-    skip_open<most_mcu_lanes>(bytes, tables, luma, std::span(open).first(n));
+    skip_open<with_swings, most_mcu_lanes>(bytes, blocks, std::span(open).first(n));
   }
 }
 
-// The AC coefficients, times their steps. Returns a number of 0 if there are none, of < 8 if they are in the first row.
+// Decodes and dequantises the AC coefficients. Returns 0 if all are 0, less than 8 if only the first row has others.
 [[gnu::always_inline]] inline unsigned decode_coefficients(BitReader& reader, const ComponentTables& tables,
                                                            const std::int16_t* steps, JpegBlock& block) {
   unsigned used = 0, done = 1;
-  // False: the block is complete. A code in the window takes 25 bits at most, another 31.
+  // False: the block is complete. A code in the table's index takes at most 25 bits with its value, another 31.
   const auto take = [&]() __attribute__((always_inline)) {
     std::uint32_t entry = tables.symbol[reader.next(ComponentTables::symbol_window)];
     if (entry == 0) [[unlikely]] {
@@ -224,11 +237,11 @@ template <std::size_t lanes>
   return used;
 }
 
-// Transforms blocks two by two, the short cuts alone.
+// Transforms blocks in pairs, and those with a short cut singly.
 class Blocks {
  public:
   JpegBlock& next() { return blocks_[waiting_] = {}; }
-  // `used`: see decode_coefficients(), of the block that next() returned.
+  // The block that next() returned. used: see decode_coefficients().
   [[gnu::always_inline]] void transform(unsigned used, const BlockPixels& to) {
     const JpegBlock& block = blocks_[waiting_];
     if (used == 0) {
@@ -254,11 +267,11 @@ class Blocks {
   std::size_t waiting_ = 0;
 };
 
-[[gnu::always_inline]] inline void decode(const std::uint8_t* bytes, std::span<const McuBegin> positions,
+[[gnu::always_inline]] inline void decode(const std::uint8_t* bytes, std::span<const std::uint32_t> begins,
                                           std::span<const DecodedBlock> blocks) {
   Blocks transformed;
-  for (std::size_t i = 0; i < positions.size(); ++i) {
-    BitReader reader(bytes, positions[i].bit);
+  for (std::size_t i = 0; i < begins.size(); ++i) {
+    BitReader reader(bytes, begins[i]);
     const auto mcu = static_cast<std::ptrdiff_t>(i);
     for (const DecodedBlock& b : blocks) {
       reader.refill();
@@ -274,48 +287,14 @@ class Blocks {
   transformed.finish();
 }
 
-template <std::size_t lanes>
-[[gnu::always_inline]] inline void find_swings_of(const std::uint8_t* bytes, const std::uint32_t* bits,
-                                                  std::span<const BoundedBlock> blocks, std::uint64_t* out) {
-  std::array<std::size_t, lanes> bit;
-  std::array<std::int16_t, lanes> differences;  // not used
-  std::array<std::int16_t*, lanes> difference;
-  for (std::size_t i = 0; i < lanes; ++i) bit[i] = bits[i], difference[i] = &differences[i];
-  for (const BoundedBlock& block : blocks) {
-    std::array<std::uint64_t, lanes> swing{};
-    skip_block<lanes>(
-        bytes, *block.tables, bit, difference,
-        [&](std::size_t i, unsigned amplitude, std::int32_t done)
-            __attribute__((always_inline)) { swing[i] += std::uint64_t{(*block.swings)[done >> 16 & 63]} * amplitude; },
-        [&](std::size_t i) __attribute__((always_inline)) {
-          swing[i] = 0;
-          skip_symbols(bytes, *block.tables, bit[i], differences[i], block.swings, &swing[i]);
-        });
-    for (std::size_t i = 0; i < lanes; ++i) out[i * blocks.size()] = swing[i];
-    ++out;
-  }
-}
-
-[[gnu::always_inline]] inline void find_all_swings(const std::uint8_t* bytes, std::span<const std::uint32_t> bits,
-                                                   std::span<const BoundedBlock> blocks, std::uint64_t* out) {
-  constexpr std::size_t lanes = 4;
-  std::size_t i = 0;
-  for (; i + lanes <= bits.size(); i += lanes) find_swings_of<lanes>(bytes, &bits[i], blocks, out + i * blocks.size());
-  for (; i < bits.size(); ++i) find_swings_of<1>(bytes, &bits[i], blocks, out + i * blocks.size());
-}
-
 #ifdef HUETRACK_BMI2
-HUETRACK_BMI2 void find_swings_with_bmi2(const std::uint8_t* bytes, std::span<const std::uint32_t> bits,
-                                         std::span<const BoundedBlock> blocks, std::uint64_t* out) {
-  find_all_swings(bytes, bits, blocks, out);
+template <bool with_swings>
+HUETRACK_BMI2 void skip_with_bmi2(const std::uint8_t* bytes, const McuBlocks& blocks, std::span<McuLane> lanes) {
+  skip<with_swings>(bytes, blocks, lanes);
 }
-HUETRACK_BMI2 void skip_with_bmi2(const std::uint8_t* bytes, std::span<const ComponentTables* const> tables,
-                                  std::size_t luma, std::span<McuLane> lanes) {
-  skip(bytes, tables, luma, lanes);
-}
-HUETRACK_BMI2 void decode_with_bmi2(const std::uint8_t* bytes, std::span<const McuBegin> positions,
+HUETRACK_BMI2 void decode_with_bmi2(const std::uint8_t* bytes, std::span<const std::uint32_t> begins,
                                     std::span<const DecodedBlock> blocks) {
-  decode(bytes, positions, blocks);
+  decode(bytes, begins, blocks);
 }
 bool has_bmi2() {
   static const bool has = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("bmi2");
@@ -325,19 +304,27 @@ bool has_bmi2() {
 
 }  // namespace
 
-void skip_mcus(const std::uint8_t* bytes, std::span<const ComponentTables* const> tables, std::size_t luma,
-               std::span<McuLane> lanes) {
-#ifdef HUETRACK_BMI2
-  if (has_bmi2()) return skip_with_bmi2(bytes, tables, luma, lanes);
-#endif
-  skip(bytes, tables, luma, lanes);
+void SkippedMcus::append(const SkippedMcus& from, std::size_t mcus, std::size_t blocks) {
+  begins = std::copy_n(from.begins, mcus, begins);
+  chroma_begins = std::copy_n(from.chroma_begins, mcus, chroma_begins);
+  differences = std::copy_n(from.differences, mcus * blocks, differences);
+  if (swings != nullptr) swings = std::copy_n(from.swings, mcus * blocks, swings);
 }
 
-void decode_mcus(const std::uint8_t* bytes, std::span<const McuBegin> positions, std::span<const DecodedBlock> blocks) {
+void skip_mcus(const std::uint8_t* bytes, const McuBlocks& blocks, std::span<McuLane> lanes) {
+  const bool with_swings = lanes[0].next.swings != nullptr;
 #ifdef HUETRACK_BMI2
-  if (has_bmi2()) return decode_with_bmi2(bytes, positions, blocks);
+  if (has_bmi2()) return (with_swings ? skip_with_bmi2<true> : skip_with_bmi2<false>)(bytes, blocks, lanes);
 #endif
-  decode(bytes, positions, blocks);
+  (with_swings ? skip<true> : skip<false>)(bytes, blocks, lanes);
+}
+
+void decode_mcus(const std::uint8_t* bytes, std::span<const std::uint32_t> begins,
+                 std::span<const DecodedBlock> blocks) {
+#ifdef HUETRACK_BMI2
+  if (has_bmi2()) return decode_with_bmi2(bytes, begins, blocks);
+#endif
+  decode(bytes, begins, blocks);
 }
 
 Swings swings_of(const std::int16_t* steps) {
@@ -349,18 +336,11 @@ Swings swings_of(const std::int16_t* steps) {
   for (std::size_t k = 0; k < out.size(); ++k) {
     const std::size_t place = row_order[k];
     if (k > 0)
-      most = std::max(most, static_cast<std::uint32_t>(64 * largest[place / 8] * largest[place % 8] * steps[k]) + 1);
+      most = std::max(
+          most, static_cast<std::uint32_t>(64 * largest[place / 8] * largest[place % 8] * std::abs(int{steps[k]})) + 1);
     out[(k + 1) % 64] = most;
   }
   return out;
-}
-
-void find_swings(const std::uint8_t* bytes, std::span<const std::uint32_t> bits, std::span<const BoundedBlock> blocks,
-                 std::uint64_t* out) {
-#ifdef HUETRACK_BMI2
-  if (has_bmi2()) return find_swings_with_bmi2(bytes, bits, blocks, out);
-#endif
-  find_all_swings(bytes, bits, blocks, out);
 }
 
 }  // namespace huetrack::capture

@@ -10,32 +10,57 @@
 
 namespace huetrack::capture {
 
-// The bit where an MCU begins, and where its first block of chroma does.
-struct McuBegin {
-  std::uint32_t bit = 0, chroma = 0;
+// For each n: the largest deviation of a sample from its block's mean that a coefficient of 1 causes, over the AC
+// coefficients before the n-th in zigzag order (the DC coefficient is the 0th; 64 is stored in [0]). 1/64 grey values,
+// rounded up.
+using Swings = std::array<std::uint32_t, 64>;
+Swings swings_of(const std::int16_t* steps);
 
-  static constexpr std::uint32_t not_decodable = std::uint32_t{1} << 31;  // added to `bit`
-  bool is_decodable() const { return (bit & not_decodable) == 0; }
+struct SkippedBlock {
+  std::size_t component = 0;
+  const ComponentTables* tables = nullptr;
+  const Swings* swings = nullptr;
+};
+// The blocks of an MCU, component by component.
+struct McuBlocks {
+  std::span<const SkippedBlock> all;
+  std::size_t luma = 0;  // the first so many are of the first component
 };
 
-// Some MCUs that follow one another, whose bits are skipped.
+// Added to the begin of an MCU with an unknown code or more than 64 coefficients.
+constexpr std::uint32_t not_decodable = std::uint32_t{1} << 31;
+constexpr bool is_decodable(std::uint32_t begin) {
+  return (begin & not_decodable) == 0;
+}
+
+// Where the properties of skipped MCUs are written, MCU by MCU.
+struct SkippedMcus {
+  std::uint32_t* begins = nullptr;         // its first bit
+  std::uint32_t* chroma_begins = nullptr;  // the first bit of its first block of chroma
+  std::int16_t* differences = nullptr;     // of each block: the DC coefficient's difference to the preceding one
+  // Of each block: a bound of its samples' deviation from its mean, 1/64 grey values, at most 65535. nullptr in all
+  // lanes: not computed.
+  std::uint16_t* swings = nullptr;
+
+  // Copies MCUs and advances behind them.
+  void append(const SkippedMcus& from, std::size_t mcus, std::size_t blocks);
+};
+
+// Consecutive MCUs that are skipped.
 struct McuLane {
-  std::size_t bit = 0;                  // where the next MCU begins
-  std::size_t stop = 0;                 // skips no MCU that begins at this bit or later
-  std::size_t left = 0;                 // nor more MCUs than these
-  McuBegin* positions = nullptr;        // of the next MCU
-  std::int16_t* differences = nullptr;  // of the next MCU: each block's difference to the last DC value
+  std::size_t bit = 0;   // where the next MCU begins
+  std::size_t stop = 0;  // skips no MCU that begins at this bit or later
+  std::size_t left = 0;  // skips at most so many MCUs
+  SkippedMcus next;
 
   bool is_at_end() const { return bit >= stop || left == 0; }
 };
 constexpr std::size_t most_mcu_lanes = 6;
 
-// Skips the MCUs of up to most_mcu_lanes lanes, until all are at their end. Independent lanes take turns, which hides
-// the time that each waits for its tables. An MCU that is not decodable (no codes, or more than 64 coefficients) is
-// stored as such, and what follows is arbitrary. May read EntropyBytes::padding behind `stop`. tables: of the blocks of
-// an MCU, of which the first `luma` are of the first component.
-void skip_mcus(const std::uint8_t* bytes, std::span<const ComponentTables* const> tables, std::size_t luma,
-               std::span<McuLane> lanes);
+// Skips the MCUs of up to most_mcu_lanes lanes, until all are at their end. Lanes are interleaved, so that the latency
+// of one lane's table look-ups is hidden behind the others. Behind an MCU that is not decodable the content of its lane
+// is arbitrary. May read EntropyBytes::padding bytes behind `stop`.
+void skip_mcus(const std::uint8_t* bytes, const McuBlocks& blocks, std::span<McuLane> lanes);
 
 // A block's place in the image's planes.
 struct DecodedBlock {
@@ -48,22 +73,9 @@ struct DecodedBlock {
   std::ptrdiff_t pixel_step = 0;  // to the next MCU's
 };
 
-// Decodes as many MCUs as there are positions; skip_mcus() has accepted them.
-void decode_mcus(const std::uint8_t* bytes, std::span<const McuBegin> positions, std::span<const DecodedBlock> blocks);
-
-// How far a coefficient of 1, times its step, takes a sample from the block's mean at most, 1/64 grey values, rounded
-// up: of all AC coefficients up to the n-th in zigzag order (the DC coefficient is the first one), in [n % 64].
-using Swings = std::array<std::uint32_t, 64>;
-Swings swings_of(const std::int16_t* steps);
-
-// A block whose samples' range is computed.
-struct BoundedBlock {
-  const ComponentTables* tables = nullptr;
-  const Swings* swings = nullptr;
-};
-// A bound of how far a block's samples are from its mean, 1/64 grey values: of the blocks from each of these bits on,
-// which skip_mcus() has accepted.
-void find_swings(const std::uint8_t* bytes, std::span<const std::uint32_t> bits, std::span<const BoundedBlock> blocks,
-                 std::uint64_t* out);
+// Decodes these blocks of as many MCUs as there are `begins`: the bits of the first of these blocks. skip_mcus() has
+// accepted the MCUs.
+void decode_mcus(const std::uint8_t* bytes, std::span<const std::uint32_t> begins,
+                 std::span<const DecodedBlock> blocks);
 
 }  // namespace huetrack::capture

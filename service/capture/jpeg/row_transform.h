@@ -1,5 +1,5 @@
-// The transform as inverse_transform.h describes it, for the vectors of some instruction set: for files that include
-// it, since each is compiled for its own.
+// The transform of inverse_transform.h in vector registers: a header, because each file that includes it is compiled
+// for another instruction set.
 #pragma once
 
 #include <array>
@@ -29,8 +29,7 @@ constexpr int pair_of_16_bits(int a, int b) {
   return static_cast<int>((static_cast<unsigned>(b) << 16) | (static_cast<unsigned>(a) & 0xFFFFU));
 }
 
-// V: a register of 16-bit numbers in lanes of eight, each lane a row of one block, and what can be done with it (in
-// lanes).
+// V: a register of 16-bit numbers in lanes of eight, each lane a row of one block, and its operations (in lanes).
 template <typename V>
 class RowTransform {
  public:
