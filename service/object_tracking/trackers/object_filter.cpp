@@ -157,7 +157,7 @@ std::vector<Sighting> ObjectFilter::start(const PositionCandidate& earlier, cons
     sightings = *of_set;
     sort_by_time(sightings);
     agreement.inflate(motion_, sightings);
-    motion_ = observer_.observed(motion_, &about_, sightings, power_density());
+    motion_ = observer_.observed(motion_, motion_.has_size() ? nullptr : &about_, sightings, power_density());
     predict_to_output(motion_, set_at, last_published, power_density());
     times_.remember(motion_, sightings, power_density());
   }

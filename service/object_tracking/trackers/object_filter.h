@@ -82,8 +82,8 @@ class ObjectFilter {
   particle_filter::Rng rng_;
 
   object_tracking::MotionState motion_;  // after the last set
-  object_tracking::MotionState about_;   // while an object is initialised: the motion to linearise at
-  double acceleration_ = 0;              // m/s^2, learnt
+  object_tracking::MotionState about_;  // while an object is initialised by several cameras: the motion to linearise at
+  double acceleration_ = 0;             // m/s^2, learnt
   object_tracking::MotionObserver observer_;
   TimingEstimator times_;
   const calib::Camera* sizing_camera_ = nullptr;  // of ray()
