@@ -13,18 +13,36 @@ std::size_t end_of_number(std::string_view text, std::size_t from) {
   return std::min(text.find_first_not_of(digits, from), text.size());
 }
 
-// Digits after a UNIX time's point are a fraction: programs drop its trailing zeros. (Nine digits: all times since
-// 1973.)
+bool is_letter(char c) {
+  return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z');
+}
+
+// Digits after a point are a fraction in a UNIX time, whose trailing zeros programs drop (nine digits: all times since
+// 1973), and in seconds, as in t0.133s.
 bool is_fraction(std::string_view text, std::size_t at) {
   constexpr std::size_t digits_of_unix_time = 9;
-  if (at < 1 + digits_of_unix_time || text[at - 1] != '.') return false;
+  if (at < 2 || text[at - 1] != '.' || digits.find(text[at - 2]) == std::string_view::npos) return false;
+  const std::size_t end = end_of_number(text, at);
+  const bool is_in_seconds =
+      end < text.size() && text[end] == 's' && (end + 1 == text.size() || !is_letter(text[end + 1]));
+  if (is_in_seconds) return true;
+  if (at < 1 + digits_of_unix_time) return false;
   return text.substr(at - 1 - digits_of_unix_time, digits_of_unix_time).find_first_not_of(digits) ==
          std::string_view::npos;
 }
 
+std::string_view without_extension(std::string_view path) {
+  const std::size_t point = path.rfind('.'), name = path.rfind('/');
+  const bool is_extension = point != std::string_view::npos && (name == std::string_view::npos || point > name) &&
+                            point + 1 < path.size() && is_letter(path[point + 1]);
+  return is_extension ? path.substr(0, point) : path;
+}
+
 }  // namespace
 
-bool numbers_ascend(std::string_view a, std::string_view b) {
+bool numbers_ascend(std::string_view path_a, std::string_view path_b) {
+  std::string_view a = without_extension(path_a), b = without_extension(path_b);
+  if (a == b) a = path_a, b = path_b;
   std::size_t i = 0, j = 0;
   const auto is_digit = [](std::string_view text, std::size_t at) {
     return at < text.size() && digits.find(text[at]) != std::string_view::npos;

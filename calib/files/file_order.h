@@ -8,7 +8,8 @@
 
 namespace huetrack::files {
 
-// Numbers in names compare as numbers: img2 before img10, and 1700000000.5 before 1700000000.75.
+// Numbers in names compare as numbers: img2 before img10, and 1700000000.5 before 1700000000.75, t0.1s before t0.133s.
+// Names compare without their extensions: pic.jpg before "pic (1).jpg".
 bool numbers_ascend(std::string_view a, std::string_view b);
 
 // The files that match a glob (*, ?, [...]), in that order; empty: none.

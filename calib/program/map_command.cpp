@@ -41,6 +41,14 @@ solver::WorldBox volume_before(const calib::CameraRig& rig) {
   return {middle - Eigen::Vector3d::Constant(share * nearest), middle + Eigen::Vector3d::Constant(share * nearest)};
 }
 
+void require_two(const calib::CameraRig& rig, const std::string& file) {
+  if (rig.cameras.size() < 2)
+    throw gather::InputError(
+        file +
+        ": one camera: a map is of the positions that two or more see. With one, a ball's distance "
+        "follows from its size: a tenth of a pixel of a radius of 7 px is 1.4 % of it");
+}
+
 ExitStatus map(const MapOptions& o) {
   calib::CameraRig rig;
   solver::WorldBox box;
@@ -50,18 +58,15 @@ ExitStatus map(const MapOptions& o) {
     const config::ServiceConfig config = config::load_service_config(o.file);
     config::require_rig(config);
     rig = config.rig;
+    require_two(rig, o.file);
     box = {config.object_tracking.volume.min, config.object_tracking.volume.max};
     input.volume_is_from = "the volume of the configuration";
   } else {
     rig = calib::read_rig(o.file);
-    if (rig.cameras.size() > 1) box = volume_before(rig);
+    require_two(rig, o.file);
+    box = volume_before(rig);
     input.volume_is_from = "around the centre of the cameras' views (set it with --volume)";
   }
-  if (rig.cameras.size() < 2)
-    throw gather::InputError(
-        o.file +
-        ": one camera: a map is of the positions that two or more see. With one, a ball's distance "
-        "follows from its size: a tenth of a pixel of a radius of 7 px is 1.4 % of it");
   if (!o.volume.empty()) {
     box = {{o.volume[0], o.volume[2], o.volume[4]}, {o.volume[1], o.volume[3], o.volume[5]}};
     input.volume_is_from = "from --volume";

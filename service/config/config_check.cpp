@@ -355,8 +355,11 @@ std::vector<std::string> warnings_of(const ServiceConfig& config) {
   }
   if (config.rig.cameras.size() == 1)
     warnings.push_back(
-        "one camera: a ball's distance follows from its size, to some 2 to 5 per cent; targets of shape: blob are not "
-        "found");
+        config.object_tracking.observation == object_tracking::Observation::paper
+            ? "one camera: observation: paper leaves the distance open"
+            : "one camera: a ball's distance follows from its size, to 20 % by its region, to 2 to 5 % once its "
+              "outline is "
+              "fitted, and is as wrong as its radius_m and the lens; targets of shape: blob are not found");
   else if (coverage.by_two < 0.5)
     warnings.push_back(
         fmt::format("only {} % of the volume is seen by two or more cameras: a target's depth is not fixed in the rest",

@@ -45,7 +45,7 @@ MotionState MotionObserver::observed(const MotionState& from, const MotionState*
                                               .log_off = std::log(size.radius_px / at->radius_px),
                                               .variance = size.log_sigma * size.log_sigma,
                                               .bias_sigma = size.log_bias,
-                                              .is_bias_constant = !sighting.is_outline,
+                                              .is_bias_constant = size.is_bias_constant,
                                               .linearised_at = then,
                                               .ray = linear.ray},
                                              near.velocity(), power_density);

@@ -108,7 +108,7 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionState& state, c
                                               : of.log_size_weight >= outline_sighter.min_sizes;
   outline::FitOptions options;
   options.most_steps = outline_sighter.max_steps;
-  // Until a fit succeeds, the target's radius and the region's are tried in turn: either may be wrong.
+  // Until a size is learnt, the expected radius and the region's are tried in turn after each failed fit.
   const double log_size = of.log_size_weight == 0 && of.begins_at_region
                               ? std::log(std::max(1.0, sighting.radius_px) / expected.at.radius_px)
                               : usual_size;
@@ -166,15 +166,14 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionState& state, c
   const double lasting = std::hypot(e.size_bias_px / radius_px, e.bias_of_fit * fit.log_size.sigma);
   const bool has_size =
       fit.visible > outline_sighter.size_visible_share && fit.log_size.sigma < outline_sighter.size_sigma;
-  sharp.size.reset();
   // The middle of a soft edge that curves lies further in by s^2 / 2r, which the fit's straight edge profile takes for
-  // size. s: half of what is known of the size is by light, half by chroma.
+  // size. s: half of what is known of the size is by light, half by chroma. The correction is as unsure as it is large.
   const double soft2 = std::exp(2 * of.look.log_blur_light.value) + 0.5 * std::exp(2 * of.look.log_blur_chroma.value);
   if (has_size)
     sharp.size = {.radius_px = radius_px * std::exp(fit.log_size.value) + 0.5 * soft2 / radius_px,
                   .log_sigma = std::sqrt(e.fit_inflation * fit.log_size.sigma * fit.log_size.sigma +
                                          (1 - of.still) * new_px2 / (radius_px * radius_px)),
-                  .log_bias = std::hypot(lasting, sighting.narrowed)};
+                  .log_bias = std::hypot(lasting, sighting.narrowed, 0.5 * soft2 / (radius_px * radius_px))};
   if (has_size && !state.has_size()) {
     of.log_size_weight = std::min(outline_sighter.size_memory, of.log_size_weight + 1);
     of.log_size += off_size / of.log_size_weight;

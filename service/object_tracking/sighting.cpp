@@ -271,7 +271,7 @@ Sighting sighting_of(const TargetView& view, const color::ColorRegion& region, d
   }
   s.covariance = axes.eigenvectors() * variance.asDiagonal() * axes.eigenvectors().transpose() + region.of_disc;
   s.support = std::min(1.0, region.area / (std::numbers::pi * radius_px * radius_px));
-  // What is not as wide as long, after the smear, is partly hidden.
+  // A region longer than wide, smear subtracted, is partly occluded.
   const double length_px = 2 * std::sqrt(std::max(0.0, axes.eigenvalues()(1))) -
                            0.5 * std::abs(axes.eigenvectors().col(1).dot(motion.velocity)) * motion.longest_exposure_s;
   const double width_px = 2 * std::sqrt(std::max(0.0, axes.eigenvalues()(0)));
@@ -281,7 +281,8 @@ Sighting sighting_of(const TargetView& view, const color::ColorRegion& region, d
   if (!region.of_disc.any())
     s.size = {.radius_px = s.radius_px,
               .log_sigma = std::hypot(std::sqrt(usual.noise_px2) / std::max(1.0, s.radius_px), s.narrowed),
-              .log_bias = sighting_tuning.region_size_sigma};
+              .log_bias = sighting_tuning.region_size_sigma,
+              .is_bias_constant = true};
   if (region.of_disc.any()) {
     // What hides a part of a disc in a room that shares the colour is mostly a hand that moves along: the error lasts.
     s.hidden_px = sighting_tuning.cut_error * (1 - s.support) * radius_px;

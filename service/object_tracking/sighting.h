@@ -41,8 +41,9 @@ Eigen::Matrix2d px_covariance_of_pose(const calib::Camera& camera, const Eigen::
 // A ball's radius as a view measures it; its distance follows.
 struct MeasuredSize {
   double radius_px = 0;
-  double log_sigma = 0;  // of the radius' logarithm: independent in every frame
-  double log_bias = 0;   // 1 sigma of the logarithm's bias: a region's is constant, an outline's varies slowly
+  double log_sigma = 0;           // of the radius' logarithm: independent in every frame
+  double log_bias = 0;            // 1 sigma of the logarithm's bias
+  bool is_bias_constant = false;  // a region's; an outline's varies slowly
 };
 
 struct Sighting {

@@ -38,7 +38,7 @@ std::vector<std::string> ObjectTrackerOptions::problems() const {
   positive(start_speed_m_s, "start_speed_m_s");
   positive(pixel_noise_px, "pixel_noise_px");
   positive(max_tracking_sigma_m, "max_tracking_sigma_m");
-  positive(max_tracking_sigma_along_m, "max_tracking_sigma_along_m");
+  positive(max_tracking_share_along, "max_tracking_share_along");
   positive(coast_s, "coast_s");
   positive(max_coast_sigma_m, "max_coast_sigma_m");
   return out;

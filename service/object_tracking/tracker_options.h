@@ -74,8 +74,9 @@ struct ObjectTrackerOptions {
   // > 0; upper bound of the sigma (largest axis) by measurement noise in `tracking`, else `coasting`. Uncertain timing
   // and poses come on top of that in the covariance.
   double max_tracking_sigma_m = 0.03;
-  // > 0; the same along the ray of the only view that sees the object: its distance is known by its size.
-  double max_tracking_sigma_along_m = 0.3;
+  // > 0; with one camera, the same along its ray as a share of the distance, which is known by the ball's size: to 0.2
+  // by its region, to 0.02 to 0.05 by its outline.
+  double max_tracking_share_along = 0.25;
   // --- both
   double coast_s = 1.0;            // > 0; coasting longer than this is lost
   double max_coast_sigma_m = 0.2;  // > 0; sigma (largest axis) above which coasting is lost

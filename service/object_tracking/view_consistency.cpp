@@ -236,6 +236,12 @@ void ViewConsistency::inflate_prediction(std::size_t camera, const calib::Camera
 
 double ViewConsistency::inflated_sigma(const MotionState& state, std::span<const Sighting> sightings) const {
   if (!has_pose_covariance_ && !epipolar_.any()) return 0;
+  if (state.has_size()) {  // the distance is by the size, which a pose does not change
+    if (sightings.empty()) return 0;
+    const Eigen::Vector3d ray = (state.position() - sightings.front().camera->centre()).normalized();
+    const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - ray * ray.transpose();
+    return largest_sigma(across * state.position_covariance() * across);
+  }
   const double filtered_m = largest_sigma(state.position_covariance());
   if (sightings.size() < 2) return filtered_m;
   std::vector<Sighting> opened(sightings.begin(), sightings.end());

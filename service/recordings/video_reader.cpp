@@ -114,6 +114,19 @@ const ImageFile* after_a_gap(const std::vector<ImageFile>& files) {
   return gaps * one_in < files.size() ? after : nullptr;
 }
 
+// Cameras count to IMG_9999 and begin again: by numbers, the last pictures come first. `after`: of a gap.
+bool is_counter_begun_again(const std::vector<ImageFile>& files, const ImageFile* after) {
+  const auto digits_of = [](const ImageFile& file) {
+    const std::string name = file.path.stem().string();
+    const std::size_t above = name.find_last_not_of("0123456789");
+    return name.substr(above == std::string::npos ? 0 : above + 1);
+  };
+  if (after == nullptr) return false;
+  const std::string first = digits_of(files.front()), last = digits_of(files.back());
+  return last.size() > 1 && last.find_first_not_of('9') == std::string::npos &&
+         files::number_of<std::int64_t>(first).value_or(2) <= 1;
+}
+
 // Empty: `frames` is one file.
 std::vector<ImageFile> image_files_of(const RecordedCamera& camera) {
   const std::string name = camera.frames.filename().string();
@@ -237,7 +250,12 @@ struct VideoReader::Impl {
       if (begins_anywhere && stream->start_time != AV_NOPTS_VALUE) clock_start = stream->start_time;
     }
     const bool is_glob = camera.frames.filename().string().find('%') == std::string::npos;
-    if (const ImageFile* after = is_glob ? after_a_gap(images) : nullptr)
+    const ImageFile* const after = is_glob ? after_a_gap(images) : nullptr;
+    if (is_counter_begun_again(images, after))
+      fail(camera.frames, "the numbers of the pictures begin again after " + images.back().path.filename().string() +
+                              ": by numbers the later ones would come first; rename those from " +
+                              images.front().path.filename().string() + " on, as to 10000 and so on");
+    if (after != nullptr)
       warnings.push_back(camera.frames.string() + ": numbers are missing before " + after->path.filename().string() +
                          ": a glob counts files; if pictures are missing there, give a pattern, like img%d.jpg");
     damaged = log.container_count() > 0;  // while finding the streams

@@ -25,6 +25,12 @@ std::string what_to_try(const objects::SearchFindings& findings, const object_tr
   if (!blind.empty())
     return fmt::format("its colour is seen by {} but hardly ever by {}: set camera_colors for these",
                        fmt::join(seeing, ", "), fmt::join(blind, ", "));
+  if (cameras.size() == 1)
+    return target.shape == object_tracking::TargetShape::blob
+               ? "a blob's distance takes two cameras: with one, only balls are found (shape: ball or auto)"
+               : "no round region of its colour has a size that gives a distance inside the volume: check the radius, "
+                 "the "
+                 "volume and the colour";
   return "all cameras show regions of its colour, but their rays do not meet in the volume where a ball of its radius "
          "would look so: check the calibration and the radius, or narrow its colour";
 }

@@ -150,7 +150,7 @@ object_tracking:
   start_speed_m_s: 4.5
   pixel_noise_px: 0.75
   max_tracking_sigma_m: 0.0625
-  max_tracking_sigma_along_m: 0.25
+  max_tracking_share_along: 0.25
   coast_s: 0.7
   max_coast_sigma_m: 0.21
 frame_sets: {tolerance_s: 0.0123}
@@ -208,7 +208,7 @@ TEST_F(ServiceConfigFile, EveryKeyIsRead) {
   EXPECT_EQ(o.start_speed_m_s, 4.5);
   EXPECT_EQ(o.pixel_noise_px, 0.75);
   EXPECT_EQ(o.max_tracking_sigma_m, 0.0625);
-  EXPECT_EQ(o.max_tracking_sigma_along_m, 0.25);
+  EXPECT_EQ(o.max_tracking_share_along, 0.25);
   EXPECT_EQ(o.coast_s, 0.7);
   EXPECT_EQ(o.max_coast_sigma_m, 0.21);
   EXPECT_EQ(c.set_tolerance_s, 0.0123);

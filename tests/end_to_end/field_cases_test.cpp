@@ -18,7 +18,7 @@ using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
 
-const fs::path field_cases = "/work/shared/data/field_cases";
+const fs::path field_cases = fs::path(HUETRACK_SHARED_DATA) / "field_cases";
 
 class FieldCases : public testing::Test {
  protected:

@@ -15,6 +15,9 @@ TEST(FileOrder, NumbersInNamesCompareAsNumbers) {
         {"a/9/x.png", "a/10/x.png", "b/1/x.png"},
         {"f_001.png", "f_2.png", "f_0010.png"},
         {"t1_f2.png", "t1_f10.png", "t2_f1.png"},
+        {"pic.jpg", "pic (1).jpg", "pic (2).jpg", "pic (10).jpg"},  // copies of Windows
+        {"t0.1s.png", "t0.133s.png", "t0.2s.png", "t1.0s.png"},     // seconds
+        {"cam.1/x.png", "cam.2/x.jpg"},
         {"v1.9.png", "v1.10.png"},                                                        // a version, a counter
         {"1700000000.5.png", "1700000000.51.png", "1700000000.6.png", "1700000001.png"},  // seconds of 1970
         {"18446744073709551617.png", "99999999999999999999999.png"},

@@ -419,7 +419,7 @@ INSTANTIATE_TEST_SUITE_P(
 
 // ---- Files of field_cases, made from our own rendering
 
-const std::filesystem::path cases = "/work/shared/data/field_cases";
+const std::filesystem::path cases = std::filesystem::path(HUETRACK_SHARED_DATA) / "field_cases";
 
 TEST(FieldCases, ArePlayedWhole) {
   if (!std::filesystem::exists(cases)) GTEST_SKIP() << "no " << cases;
@@ -439,6 +439,29 @@ TEST(FieldCases, ArePlayedWhole) {
     EXPECT_THAT(played.images, SizeIs(count)) << file;
     for (const auto& warning : played.warnings) EXPECT_THAT(warning, testing::Not(HasSubstr("decode"))) << file;
   }
+}
+
+// By numbers the last pictures would come first.
+TEST(FieldCases, ACameraThatBeginsToCountAgainIsNamed) {
+  if (!std::filesystem::exists(cases)) GTEST_SKIP() << "no " << cases;
+  const auto folder = std::filesystem::path(testing::TempDir()) / "counts_again";
+  std::filesystem::create_directories(folder);
+  const auto play_named = [&](std::initializer_list<const char*> names) {
+    std::filesystem::remove_all(folder);
+    std::filesystem::create_directories(folder);
+    const auto any = *std::filesystem::directory_iterator(cases / "glob_order/cam0");
+    for (const char* name : names) std::filesystem::copy_file(any.path(), folder / name);
+    return play_field(folder / "IMG_*.jpg", 30).shown.size();
+  };
+  try {
+    play_named({"IMG_9998.jpg", "IMG_9999.jpg", "IMG_0000.jpg", "IMG_0001.jpg", "IMG_0002.jpg", "IMG_0003.jpg"});
+    ADD_FAILURE() << "it was played";
+  } catch (const std::exception& error) {
+    EXPECT_THAT(error.what(), HasSubstr("begin again after IMG_9999.jpg"));
+  }
+  EXPECT_EQ(play_named({"IMG_9997.jpg", "IMG_9998.jpg", "IMG_9999.jpg"}), 3u);
+  EXPECT_EQ(play_named({"IMG_0001.jpg", "IMG_0002.jpg", "IMG_0004.jpg"}), 3u);
+  std::filesystem::remove_all(folder);
 }
 
 }  // namespace

@@ -728,7 +728,7 @@ TEST(ObjectTrackerOptions, problemsNameTheConstraint) {
            {&ObjectTrackerOptions::start_speed_m_s, "start_speed_m_s"},
            {&ObjectTrackerOptions::pixel_noise_px, "pixel_noise_px"},
            {&ObjectTrackerOptions::max_tracking_sigma_m, "max_tracking_sigma_m"},
-           {&ObjectTrackerOptions::max_tracking_sigma_along_m, "max_tracking_sigma_along_m"},
+           {&ObjectTrackerOptions::max_tracking_share_along, "max_tracking_share_along"},
            {&ObjectTrackerOptions::coast_s, "coast_s"},
            {&ObjectTrackerOptions::max_coast_sigma_m, "max_coast_sigma_m"}}) {
     for (const double bad : {0.0, -1.0, std::nan(""), HUGE_VAL}) {

@@ -176,7 +176,7 @@ void ObjectFilter::note_size(std::span<const Sighting> sightings) {
 
 std::optional<Eigen::Vector3d> ObjectFilter::ray() const {
   if (sizing_camera_ == nullptr) return std::nullopt;
-  return (motion_.position() - sizing_camera_->centre()).normalized();
+  return motion_.position() - sizing_camera_->centre();
 }
 
 void ObjectFilter::forget_camera(int camera) {
@@ -345,13 +345,14 @@ void ObjectFilter::estimate(MotionState&& proposal) {
 
 namespace {
 
-// Largest sigma, the one along `ray` weighed as judged_sigma() says. There the uncertain size counts, too: `all`.
-double weighed_sigma(const ObjectTrackerOptions& options, const std::optional<Eigen::Vector3d>& ray,
-                     const Eigen::Matrix3d& covariance, const Eigen::Matrix3d& all) {
+// Largest sigma, the one along `ray` scaled as judged_sigma() says. There the uncertain size counts, too: `all`.
+double scaled_sigma(const ObjectTrackerOptions& options, const std::optional<Eigen::Vector3d>& ray,
+                    const Eigen::Matrix3d& covariance, const Eigen::Matrix3d& all) {
   if (!ray) return largest_sigma(covariance);
-  const double weight = std::min(1.0, options.max_tracking_sigma_m / options.max_tracking_sigma_along_m);
-  const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - *ray * ray->transpose();
-  return std::max(largest_sigma(across * covariance * across), weight * std::sqrt(ray->dot(all * *ray)));
+  const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - *ray * ray->transpose() / ray->squaredNorm();
+  const double share_along = std::sqrt(ray->dot(all * *ray)) / ray->squaredNorm();
+  return std::max(largest_sigma(across * covariance * across),
+                  options.max_tracking_sigma_m * share_along / options.max_tracking_share_along);
 }
 
 }  // namespace
@@ -360,15 +361,15 @@ double judged_sigma(const ObjectTrackerOptions& options, const ObjectFilter& fil
                     std::span<const Sighting> sightings) {
   const MotionState& motion = filter.motion();
   const double estimated_m =
-      weighed_sigma(options, filter.ray(), motion.position_covariance_conditioned(), motion.position_covariance());
+      scaled_sigma(options, filter.ray(), motion.position_covariance_conditioned(), motion.position_covariance());
   if (sightings.size() < 2) return estimated_m;
   const PositionInformation seen = information_of(sightings, motion.position());
   return std::min(estimated_m, largest_sigma(seen.information.inverse()));
 }
 
 bool is_localized(const ObjectTrackerOptions& options, const ObjectFilter& filter) {
-  return weighed_sigma(options, filter.ray(), filter.motion().position_covariance(),
-                       filter.motion().position_covariance()) <= options.max_coast_sigma_m;
+  return scaled_sigma(options, filter.ray(), filter.motion().position_covariance(),
+                      filter.motion().position_covariance()) <= options.max_coast_sigma_m;
 }
 
 Judged judged(const ObjectTrackerOptions& options, const ObjectFilter& filter, std::span<const Sighting> sightings,

@@ -59,8 +59,8 @@ class ObjectFilter {
   void update(std::span<const object_tracking::Sighting> sightings, capture::Timestamp set_at,
               capture::Timestamp last_published, double power_density);
 
-  // With one camera, the direction from it to the object, world; nullopt: several cameras, or its radius in the image
-  // was not as expected when it was measured last.
+  // With one camera, from its centre to the object, m, world; nullopt: several cameras, or the radius was not as
+  // expected when it was measured last. It stays over sets without a measured radius.
   std::optional<Eigen::Vector3d> ray() const;
 
   void forget_camera(int camera);                      // its pose changed
@@ -98,8 +98,8 @@ class ObjectFilter {
 
 // What decides about the state: 1 sigma of the position along its worst axis, metres; the smaller one of the
 // estimate's, conditioned on the nuisance states, and that of this set's measurements alone (of slow cameras the
-// prediction is wide). With one camera, sigma along the ray counts max_tracking_sigma_m /
-// max_tracking_sigma_along_m times.
+// prediction is wide). With one camera, sigma along its ray is scaled: max_tracking_share_along of the distance counts
+// as max_tracking_sigma_m.
 double judged_sigma(const object_tracking::ObjectTrackerOptions& options, const ObjectFilter& filter,
                     std::span<const object_tracking::Sighting> sightings);
 
