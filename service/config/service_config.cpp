@@ -123,9 +123,10 @@ void describe_object_tracking(Io& io, Options& o) {
             "huetrack only: a position with a larger sigma is coasting, metres; the uncertainty of the cameras' timing "
             "does not "
             "count");
-  io.number("max_tracking_share_along", o.max_tracking_share_along, yaml::positive,
-            "huetrack only: with a single camera, the same along its ray, as a share of the distance, which is known by "
-            "the ball's size");
+  io.number(
+      "max_tracking_share_along", o.max_tracking_share_along, yaml::positive,
+      "huetrack only: with a single camera, the same along its ray, as a share of the distance, which is known by "
+      "the ball's size");
   io.number("coast_s", o.coast_s, yaml::positive, "an object that coasts for longer is lost, seconds");
   io.number("max_coast_sigma_m", o.max_coast_sigma_m, yaml::positive,
             "an object with a larger position sigma is lost, metres");
