@@ -27,6 +27,7 @@
 #include "calib/model/rig_yaml.h"
 #include "capture/frames/file_descriptor.h"
 #include "capture/jpeg/jpeg_reader.h"
+#include "capture/loopback_port.h"
 #include "clients/huetrack/position_subscription.h"
 #include "daemon/capture_command.h"
 #include "daemon/live.h"
@@ -57,28 +58,19 @@ using Film = std::vector<std::shared_ptr<const std::vector<std::uint8_t>>>;
 // One camera: motion JPEG over HTTP. Picture k is sent at `start` + k / fps to the client that is connected then.
 class FilmServer {
  public:
-  FilmServer(Film film, Clock::time_point start)
-      : film_(std::move(film)), start_(start), listening_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
-    sockaddr_in here{};
-    here.sin_family = AF_INET;
-    here.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    socklen_t size = sizeof here;
-    if (::bind(listening_.get(), reinterpret_cast<sockaddr*>(&here), size) != 0 || ::listen(listening_.get(), 4) != 0 ||
-        ::getsockname(listening_.get(), reinterpret_cast<sockaddr*>(&here), &size) != 0)
-      throw std::runtime_error("no port for a camera on 127.0.0.1");
-    port_ = ntohs(here.sin_port);
+  FilmServer(Film film, Clock::time_point start) : film_(std::move(film)), start_(start) {
     thread_ = std::jthread([this](const std::stop_token& stop) { serve(stop); });
   }
   ~FilmServer() {
     thread_.request_stop();
-    ::shutdown(listening_.get(), SHUT_RDWR);
+    ::shutdown(port_.listening.get(), SHUT_RDWR);
   }
-  std::string address() const { return "http://127.0.0.1:" + std::to_string(port_) + "/video.mjpg"; }
+  std::string address() const { return "http://127.0.0.1:" + std::to_string(port_.number) + "/video.mjpg"; }
 
  private:
   void serve(const std::stop_token& stop) const {
     while (!stop.stop_requested()) {
-      const capture::FileDescriptor client(::accept4(listening_.get(), nullptr, nullptr, SOCK_CLOEXEC));
+      const capture::FileDescriptor client(::accept4(port_.listening.get(), nullptr, nullptr, SOCK_CLOEXEC));
       if (client.get() < 0) return;
       const timeval patience{.tv_sec = 2, .tv_usec = 0};  // of a service that has ended
       ::setsockopt(client.get(), SOL_SOCKET, SO_SNDTIMEO, &patience, sizeof patience);
@@ -109,8 +101,7 @@ class FilmServer {
 
   const Film film_;
   const Clock::time_point start_;
-  const capture::FileDescriptor listening_;
-  int port_ = 0;
+  const capture::LoopbackPort port_;
   std::jthread thread_;
 };
 

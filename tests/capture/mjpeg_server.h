@@ -14,6 +14,7 @@
 
 #include "capture/frames/file_descriptor.h"
 #include "capture/frames/jpeg_encoder.h"
+#include "capture/loopback_port.h"
 
 namespace huetrack::capture {
 
@@ -38,31 +39,23 @@ class MjpegServer {
     bool has_headers = true;               // of every picture: its type and length
     bool is_rtsp = false;                  // no pictures: `endless_then` answers DESCRIBE
   };
-  explicit MjpegServer(Film film) : film_(film), listening_(::socket(AF_INET, SOCK_STREAM, 0)) {
-    sockaddr_in here{};
-    here.sin_family = AF_INET;
-    here.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    socklen_t size = sizeof here;
-    if (::bind(listening_.get(), reinterpret_cast<sockaddr*>(&here), size) != 0 || ::listen(listening_.get(), 4) != 0 ||
-        ::getsockname(listening_.get(), reinterpret_cast<sockaddr*>(&here), &size) != 0)
-      throw std::runtime_error("no port");
-    port_ = ntohs(here.sin_port);
+  explicit MjpegServer(Film film) : film_(film) {
     thread_ = std::jthread([this](const std::stop_token& stop) { serve(stop); });
   }
   ~MjpegServer() {
     thread_.request_stop();
-    ::shutdown(listening_.get(), SHUT_RDWR);
+    ::shutdown(port_.listening.get(), SHUT_RDWR);
   }
   std::uint64_t sent() const { return sent_; }  // bytes of endless pictures
   std::string address() const {
-    return std::string(film_.is_rtsp ? "rtsp" : "http") + "://user:secret@127.0.0.1:" + std::to_string(port_) +
+    return std::string(film_.is_rtsp ? "rtsp" : "http") + "://user:secret@127.0.0.1:" + std::to_string(port_.number) +
            "/video.mjpg";
   }
 
  private:
   void serve(const std::stop_token& stop) {
     while (!stop.stop_requested()) {
-      const FileDescriptor client(::accept(listening_.get(), nullptr, nullptr));
+      const FileDescriptor client(::accept(port_.listening.get(), nullptr, nullptr));
       if (client.get() < 0) return;
       char request[2048];
       if (::recv(client.get(), request, sizeof request, 0) <= 0) continue;
@@ -95,8 +88,7 @@ class MjpegServer {
   }
 
   const Film film_;
-  FileDescriptor listening_;
-  int port_ = 0;
+  const LoopbackPort port_;
   std::atomic<std::uint64_t> sent_ = 0;
   std::jthread thread_;
 };
