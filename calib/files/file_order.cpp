@@ -17,8 +17,8 @@ bool is_letter(char c) {
   return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z');
 }
 
-// Digits after a point are a fraction in a UNIX time, whose trailing zeros programs drop (nine digits: all times since
-// 1973), and in seconds, as in t0.133s.
+// Digits after a point are a fraction in a UNIX time (nine digits: all times since 1973; programs drop trailing zeros),
+// and in seconds, as in t0.133s.
 bool is_fraction(std::string_view text, std::size_t at) {
   constexpr std::size_t digits_of_unix_time = 9;
   if (at < 2 || text[at - 1] != '.' || digits.find(text[at - 2]) == std::string_view::npos) return false;

@@ -164,17 +164,19 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionState& state, c
       to_region.dot((of_region + sharp.covariance).inverse() * to_region) > sighting_tuning.gate_nis)
     return false;
   const double lasting = std::hypot(e.size_bias_px / radius_px, e.bias_of_fit * fit.log_size.sigma);
-  const bool has_size =
+  const bool is_size_measured =
       fit.visible > outline_sighter.size_visible_share && fit.log_size.sigma < outline_sighter.size_sigma;
-  // The middle of a soft edge that curves lies further in by s^2 / 2r, which the fit's straight edge profile takes for
-  // size. s: half of what is known of the size is by light, half by chroma. The correction is as unsure as it is large.
-  const double soft2 = std::exp(2 * of.look.log_blur_light.value) + 0.5 * std::exp(2 * of.look.log_blur_chroma.value);
-  if (has_size)
-    sharp.size = {.radius_px = radius_px * std::exp(fit.log_size.value) + 0.5 * soft2 / radius_px,
+  if (is_size_measured && state.has_size()) {
+    // The middle of a soft edge that curves lies further in by s^2 / 2r, which the fit's straight edge profile takes
+    // for size. s: half of what is known of the size is by light, half by chroma. The correction is as unsure as it is
+    // large.
+    const double soft2 = std::exp(2 * of.look.log_blur_light.value) + 0.5 * std::exp(2 * of.look.log_blur_chroma.value);
+    const double further_in_px = 0.5 * soft2 / radius_px;
+    sharp.size = {.radius_px = radius_px * std::exp(fit.log_size.value) + further_in_px,
                   .log_sigma = std::sqrt(e.fit_inflation * fit.log_size.sigma * fit.log_size.sigma +
                                          (1 - of.still) * new_px2 / (radius_px * radius_px)),
-                  .log_bias = std::hypot(lasting, sighting.narrowed, 0.5 * soft2 / (radius_px * radius_px))};
-  if (has_size && !state.has_size()) {
+                  .log_bias = std::hypot(lasting, sighting.narrowed, further_in_px / radius_px)};
+  } else if (is_size_measured) {
     of.log_size_weight = std::min(outline_sighter.size_memory, of.log_size_weight + 1);
     of.log_size += off_size / of.log_size_weight;
     of.size_variance += (lasting * lasting - of.size_variance) / of.log_size_weight;

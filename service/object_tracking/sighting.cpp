@@ -278,15 +278,15 @@ Sighting sighting_of(const TargetView& view, const color::ColorRegion& region, d
   const double coarseness = sample_px(*view.image) / std::max(1.0, radius_px);
   const double by_chance = 2 * width_noise * coarseness * std::sqrt(coarseness);  // 2 sigma
   s.narrowed = std::max(0.0, std::log(std::max(1.0, length_px) / std::max(1.0, width_px)) - by_chance);
-  if (!region.of_disc.any())
-    s.size = {.radius_px = s.radius_px,
-              .log_sigma = std::hypot(std::sqrt(usual.noise_px2) / std::max(1.0, s.radius_px), s.narrowed),
-              .log_bias = sighting_tuning.region_size_sigma,
-              .is_bias_constant = true};
   if (region.of_disc.any()) {
     // What hides a part of a disc in a room that shares the colour is mostly a hand that moves along: the error lasts.
     s.hidden_px = sighting_tuning.cut_error * (1 - s.support) * radius_px;
     s.bias_sigma_px = std::sqrt(usual.bias_px2 + misfit_px2 + region.of_disc.trace() / 2 + s.hidden_px * s.hidden_px);
+  } else {
+    s.size = {.radius_px = s.radius_px,
+              .log_sigma = std::hypot(std::sqrt(usual.noise_px2) / std::max(1.0, s.radius_px), s.narrowed),
+              .log_bias = sighting_tuning.region_size_sigma,
+              .is_bias_constant = true};
   }
   return s;
 }

@@ -56,7 +56,7 @@ struct Sighting {
   double hidden_px = 0;                               // of it, by what hides a part of a disc (DiscFinder)
   double support = 0;                                 // 0..1, share of the expected disc that has the target's colour
   double radius_px = 0;                               // of the disc of the region's area
-  std::optional<MeasuredSize> size;                   // nullopt: not measured, or a part is hidden
+  std::optional<MeasuredSize> size;                   // read with one camera only; nullopt: not measured
   double narrowed = 0;                                // log of the region's length over its width, less the smear
   Eigen::Matrix2d of_pose = Eigen::Matrix2d::Zero();  // px^2, bias by CameraTrust::pose_covariance
   double inflation_px2 = 0;                           // px^2, bias by inconsistency with other views
@@ -143,8 +143,7 @@ struct PositionCandidate {
 
 // Triangulates each pair of regions in two views whose rays meet inside the volume at a distance that fits their sizes;
 // refines and scores it over all consistent views. With one camera, a ball's size gives its distance. Best first, at
-// most max_count. regions[i] belongs to views[i]. Of
-// `times` only the cameras' timing is used.
+// most max_count. regions[i] belongs to views[i]. Of `times` only the cameras' timing is used.
 std::vector<PositionCandidate> cross_rays(const std::vector<TargetView>& views,
                                           std::span<const std::vector<color::ColorRegion>> regions,
                                           const TargetOptions& target, const ObjectTrackerOptions& options,
