@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <atomic>
 #include <barrier>
+#include <functional>
 #include <stdexcept>
 #include <string>
 #include <thread>
@@ -81,8 +82,8 @@ bool sleep_until(Clock::time_point when, const std::stop_token& stop) {
 
 }  // namespace
 
-// Updates all trackers with one set, distributed over the calling thread and permanent helpers. Every tracker has its
-// own state and random numbers, so the distribution does not change results.
+// Distributes the trackers' work on one set over the calling thread and permanent helpers. Every tracker has its own
+// state and random numbers, so the distribution does not change results.
 class Pipeline::TrackingTeam {
  public:
   TrackingTeam(std::vector<object_trackers::ObjectTracker>& trackers, int threads)
@@ -95,7 +96,7 @@ class Pipeline::TrackingTeam {
       threads_.emplace_back([this] {
         for (;;) {
           start_.arrive_and_wait();
-          if (set_ == nullptr) return;
+          if (task_ == nullptr) return;
           Stopwatch watch;
           work();
           helpers_cpu_ns_ += watch.lap().cpu.count();
@@ -105,20 +106,16 @@ class Pipeline::TrackingTeam {
     }
   }
   ~TrackingTeam() {
-    set_ = nullptr;
+    task_ = nullptr;
     if (helpers_ > 0) start_.arrive_and_wait();
   }
   TrackingTeam(const TrackingTeam&) = delete;
   TrackingTeam& operator=(const TrackingTeam&) = delete;
 
-  // estimates: of all targets, in order. Returns the helpers' processor time.
+  // estimates: of all targets, in order. Returns the helpers' processor time, as learn().
   capture::Duration update(const capture::FrameSet& set, std::vector<object_tracking::ObjectEstimate>& estimates) {
-    set_ = &set;
-    next_ = 0;
-    helpers_cpu_ns_ = 0;
-    if (helpers_ > 0) start_.arrive_and_wait();
-    work();
-    if (helpers_ > 0) done_.arrive_and_wait();
+    const capture::Duration helpers_cpu =
+        work_all([this, &set](std::size_t i) { trackers_[i].update(set, per_target_[i]); });
     estimates.clear();
     for (std::size_t t = 0; t < per_target_.size(); ++t) {
       for (object_tracking::ObjectEstimate& estimate : per_target_[t]) {
@@ -126,19 +123,33 @@ class Pipeline::TrackingTeam {
         estimates.push_back(std::move(estimate));
       }
     }
-    return capture::Duration(helpers_cpu_ns_);
+    return helpers_cpu;
+  }
+  capture::Duration learn() {
+    return work_all([this](std::size_t i) { trackers_[i].learn(); });
   }
 
  private:
+  using OfTracker = std::function<void(std::size_t)>;
+
+  capture::Duration work_all(const OfTracker& task) {
+    task_ = &task;
+    next_ = 0;
+    helpers_cpu_ns_ = 0;
+    if (helpers_ > 0) start_.arrive_and_wait();
+    work();
+    if (helpers_ > 0) done_.arrive_and_wait();
+    return capture::Duration(helpers_cpu_ns_);
+  }
   void work() {
-    for (std::size_t i = next_++; i < trackers_.size(); i = next_++) trackers_[i].update(*set_, per_target_[i]);
+    for (std::size_t i = next_++; i < trackers_.size(); i = next_++) (*task_)(i);
   }
 
   std::vector<object_trackers::ObjectTracker>& trackers_;
   std::vector<std::vector<object_tracking::ObjectEstimate>> per_target_;  // of this set
   const int helpers_;
-  std::barrier<> start_, done_;             // synchronise the members below
-  const capture::FrameSet* set_ = nullptr;  // nullptr at start_: end
+  std::barrier<> start_, done_;      // synchronise the members below
+  const OfTracker* task_ = nullptr;  // nullptr at start_: end
   std::atomic<std::size_t> next_ = 0;
   std::atomic<std::int64_t> helpers_cpu_ns_ = 0;
   std::vector<std::jthread> threads_;  // last: joined first
@@ -399,6 +410,8 @@ void Pipeline::update(ReadySet ready, TrackingTeam& team, std::vector<object_tra
       .reloaded = reloaded_};
   for (Output* output : outputs_) output->on_set(result);
   const StageTime published = stages.lap();
+  tracked.cpu += team.learn();  // the helpers'
+  tracked += stages.lap();
   std::uint64_t index = 0;
   {
     const std::scoped_lock lock(figures_mutex_);

@@ -4,6 +4,7 @@
 //   source -> [pace] -> synchroniser -> queue -> trackers (+ workers) -> outputs -> queue -> outputs' pictures
 //                    `-> queue -> camera tracker -> outputs       (camera thread) -> queue -> outputs' pictures
 //
+// Once the outputs have a set's positions, the trackers learn from its frames what only later sets need (learn()).
 // Data flows one way. A stop propagates downstream: the sources end, the queue closes, tracking drains it.
 #pragma once
 

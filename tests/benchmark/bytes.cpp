@@ -62,6 +62,7 @@ class HuetrackPath : public Path {
       if (light_[c].is_wanted(frame.captured_at)) light_[c].look(frame.pixels, frame.captured_at);
     }
     const bool is_tracking = tracker_.update(set).state == object_tracking::TrackState::tracking;
+    tracker_.learn();
     for (const auto& frame : set.frames) {
       if (!frame->pixels.on_demand) continue;
       decoded_ += frame->pixels.on_demand->decoded_units();

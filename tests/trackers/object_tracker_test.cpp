@@ -9,6 +9,8 @@
 #include <random>
 #include <stdexcept>
 
+#include "capture/frames/jpeg_encoder.h"
+#include "capture/jpeg/jpeg_reader.h"
 #include "object_tracking/trackers/region_tracker.h"
 #include "scene/lime.h"
 #include "truth/truth.h"
@@ -457,6 +459,46 @@ TEST(ObjectTracker, OutlinesMeasureTheRadius) {
       EXPECT_LT(found.radius_sigma_m, 0.07 * true_m) << factor;
       EXPECT_NEAR(*found.radius_m, true_m, 2.5 * found.radius_sigma_m) << factor;
     }
+  }
+}
+
+// A second ball of the colour is searched for after the estimate: update() decodes nothing of it, learn() does.
+TEST(ObjectTracker, UpdateDecodesOnlyTheObjectsSurroundings) {
+  const scene::Scene scene =
+      ring(3).ball({}).ball({.name = "other", .path = [](double) { return Vector3d(0.4, -0.4, 0.6); }}).build();
+  ObjectTracker tracker(scene.rig, lime(), options_with());
+  capture::JpegReader reader;
+  std::size_t decoded_by_learning = 0, tracked = 0;
+  for (capture::FrameSet& set : scene::render(scene, {.set_count = 75})) {
+    for (auto& frame : set.frames) {
+      const capture::Image& picture = frame->pixels;
+      const auto jpeg = capture::encode_picture(picture, {.width = picture.width, .height = picture.height}, 90);
+      frame->pixels = *reader.read(reader.keep(jpeg)).image;
+      ASSERT_TRUE(frame->pixels.on_demand);
+    }
+    const auto decoded_units = [&set] {
+      std::size_t sum = 0;
+      for (const auto& frame : set.frames) sum += frame->pixels.on_demand->decoded_units();
+      return sum;
+    };
+    const bool was_tracking = tracked > 0;
+    tracked = tracker.update(set).state == TrackState::tracking ? tracked + 1 : 0;
+    const std::size_t by_update = decoded_units();
+    tracker.learn();
+    if (!was_tracking || tracked == 0) continue;
+    EXPECT_LE(by_update, 48U) << set.number;  // 3 views, 4x4 units of 16x16 px around 9 px; a picture has 300
+    decoded_by_learning += decoded_units() - by_update;
+  }
+  EXPECT_GT(tracked, 60U);
+  EXPECT_GT(decoded_by_learning, 0U);
+}
+
+TEST(ObjectTracker, LearnsTheSameBeforeTheNextUpdate) {
+  const scene::Scene scene = ring(3).ball({}).wall({{0.3, 0.3, 0}, {0.3, 0, 0}, {0, 0, 2}}).build();
+  ObjectTracker at_once(scene.rig, lime(), options_with()), later(scene.rig, lime(), options_with());
+  for (const capture::FrameSet& set : scene::render(scene, {.set_count = 60})) {
+    EXPECT_EQ(bits_of(at_once.update(set)), bits_of(later.update(set)));
+    at_once.learn();
   }
 }
 

@@ -118,20 +118,22 @@ void StaticClutterMask::mark_clipped(std::vector<Sighting>& sightings) const {
   }
 }
 
-void StaticClutterMask::look(const std::vector<TargetView>& views, std::span<const Sighting> tracked,
-                             capture::Timestamp set_at) {
+void StaticClutterMask::look(const std::vector<TargetView>& views, capture::Timestamp set_at) {
   if (views.empty()) return;
   for (const TargetView& view : views) follow_light(view, cameras_[std::size_t(view.index)]);
-  if (!last_at_) {
-    for (const TargetView& view : views) measure(view);  // one view decides for all
-    if (std::ranges::any_of(cameras_, &PerCamera::is_above)) {
-      first_at_ = set_at;
-      for (const TargetView& view : views) find_what_may_be_objects(view, cameras_[std::size_t(view.index)]);
-    }
-    for (const TargetView& view : views) sample(view, tracked);
-    last_at_ = set_at;
-    return;
+  if (last_at_) return;
+  for (const TargetView& view : views) measure(view);  // one view decides for all
+  if (std::ranges::any_of(cameras_, &PerCamera::is_above)) {
+    first_at_ = set_at;
+    for (const TargetView& view : views) find_what_may_be_objects(view, cameras_[std::size_t(view.index)]);
   }
+  for (const TargetView& view : views) sample(view, {});
+  last_at_ = set_at;
+}
+
+void StaticClutterMask::learn(const std::vector<TargetView>& views, std::span<const Sighting> tracked,
+                              capture::Timestamp set_at) {
+  if (views.empty() || last_at_ == set_at) return;
   for (const TargetView& view : views) {  // the first samples in consecutive sets
     const PerCamera& camera = cameras_[std::size_t(view.index)];
     if (camera.is_learning && camera.sampled < samples) sample(view, tracked);
@@ -225,12 +227,12 @@ void StaticClutterMask::sample(const TargetView& view, std::span<const Sighting>
     return;
   }
   if (hits_px_ != grid_px) view.matches->grid_with_left_out(grid_px, hits_);
-  learn(view, camera, tracked);
+  learn_pixels(view, camera, tracked);
   leave_out(view, camera);
   if (is_room_shared_) learn_colors(view, camera);
 }
 
-void StaticClutterMask::learn(const TargetView& view, PerCamera& camera, std::span<const Sighting> tracked) {
+void StaticClutterMask::learn_pixels(const TargetView& view, PerCamera& camera, std::span<const Sighting> tracked) {
   const int stride = view.matches->tile_stride();
   if (camera.tiles.empty()) {
     camera.tiles.resize(std::size_t(stride * view.matches->tile_rows()));
@@ -267,21 +269,18 @@ void StaticClutterMask::learn(const TargetView& view, PerCamera& camera, std::sp
     Tile& tile = camera.tiles[at];
     std::array<std::uint64_t, samples> last;
     for (int i = 0; i < samples; ++i) last[std::size_t(i)] = tile.matched[before(i)];
-    std::uint64_t matched = 0, gone = 0, again = 0, known = 0;
+    std::uint64_t matched = 0, gone = 0, again = 0;
     for (int i = kept_samples - 1; i >= 0; --i) {  // from the oldest one on
       const std::uint64_t now = tile.matched[before(i)];
       again |= gone & now;
       matched |= now;
       gone |= matched & ~now;
-      if (i > 0) known |= now;
     }
     const std::uint64_t ever = last[0] | last[1] | last[2] | last[3];
-    // A static pixel stays so while it matches at all: at edges noise decides. Among the first samples, a pixel that
-    // matches for the first time is moving, or will match again.
-    if (camera.sampled == 0)
-      tile.still = last[0];
-    else if (camera.sampled < samples)
-      tile.still = known;
+    // A static pixel stays so while it matches at all: at edges noise decides. After the first samples, a pixel that
+    // has not matched before shows something that moves, or will match again.
+    if (camera.sampled < samples)
+      tile.still = matched;
     else
       tile.still = (tile.still & ever) | mostly(last) | (is_room_shared_ ? again : 0);
     tile.is_listed = matched != 0;

@@ -39,10 +39,12 @@ class StaticClutterMask {
 
   // Range of an object's radius over the volume, in this camera.
   void set_sizes(std::size_t camera, double smallest_px, double largest_px, calib::ImageSize size);
-  // Before the views of a set are used otherwise. tracked: objects in the last set, and in a room that shares the
-  // colour their predicted places (add_expected()). Samples one view after the other; all of them at first.
-  void look(const std::vector<object_tracking::TargetView>& views, std::span<const object_tracking::Sighting> tracked,
-            capture::Timestamp set_at);
+  // Before the views of a set are used otherwise: follows the light. Samples all views of the first set.
+  void look(const std::vector<object_tracking::TargetView>& views, capture::Timestamp set_at);
+  // After that: samples one view after the other, for the next sets. tracked: the objects in this set, and in a room
+  // that shares the colour their predicted places (add_expected()).
+  void learn(const std::vector<object_tracking::TargetView>& views, std::span<const object_tracking::Sighting> tracked,
+             capture::Timestamp set_at);
   void forget(std::size_t camera);  // it was moved
 
   // The room may show the colour in this camera: moving regions may be noise at the mask's edges.
@@ -89,8 +91,8 @@ class StaticClutterMask {
   };
   void measure(const object_tracking::TargetView& view);
   void sample(const object_tracking::TargetView& view, std::span<const object_tracking::Sighting> tracked);
-  void learn(const object_tracking::TargetView& view, PerCamera& camera,
-             std::span<const object_tracking::Sighting> tracked);
+  void learn_pixels(const object_tracking::TargetView& view, PerCamera& camera,
+                    std::span<const object_tracking::Sighting> tracked);
   std::uint64_t covered_in(color::TileAt tile) const;  // by covering_
   void leave_out(const object_tracking::TargetView& view, PerCamera& camera);
   void learn_usual(const object_tracking::TargetView& view, const PerCamera& camera, color::TileAt where,

@@ -56,12 +56,7 @@ ManyTracker::ManyTracker(const calib::CameraRig& rig, const TargetOptions& targe
 void ManyTracker::update(const capture::FrameSet& set, std::vector<ObjectEstimate>& out) {
   const std::vector<TargetView>& views = views_.look_at(set);
   seen_regions_.clear();
-  std::vector<Sighting> tracked;  // in the last set
-  for (const auto& object : objects_) tracked.insert(tracked.end(), object->sightings.begin(), object->sightings.end());
-  for (const auto& object : objects_) {
-    if (clutter_mask_.is_room_shared()) add_expected(views, object->filter.motion(), target_.radius_m, tracked);
-  }
-  clutter_mask_.look(views, tracked, set.at);
+  clutter_mask_.look(views, set.at);
   sets_apart_ += is_apart(views) ? 1 : 0;
   if (set.at < last_at_) forget_all();  // the clock was set back: the states are of another time
   times_.motion().open_clocks(set);
@@ -80,6 +75,15 @@ void ManyTracker::update(const capture::FrameSet& set, std::vector<ObjectEstimat
   if (views.size() >= std::min<std::size_t>(2, rig_.cameras.size())) note_births(set, views);
   last_at_ = set.at;
   report(set, out);
+}
+
+void ManyTracker::learn() {
+  std::vector<Sighting> tracked;
+  for (const auto& object : objects_) tracked.insert(tracked.end(), object->sightings.begin(), object->sightings.end());
+  for (const auto& object : objects_) {
+    if (clutter_mask_.is_room_shared()) add_expected(views_.used(), object->filter.motion(), target_.radius_m, tracked);
+  }
+  clutter_mask_.learn(views_.used(), tracked, last_at_);
 }
 
 void ManyTracker::predict(const std::vector<TargetView>& views) {

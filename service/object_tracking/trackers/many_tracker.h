@@ -41,6 +41,7 @@ class ManyTracker {
 
   // As of ObjectTracker.
   void update(const capture::FrameSet& set, std::vector<object_tracking::ObjectEstimate>& out);
+  void learn();
   void trust(std::span<const object_tracking::CameraTrust> cameras);
   void correct_times(std::span<const double> late_s);
   void take_over_from(const ManyTracker& before);

@@ -53,6 +53,8 @@ struct ObjectTracker::Impl {
   }
 
   Tracker tracker;
+  std::optional<capture::FrameSet> open = {};  // nothing was learnt of it yet
+  std::vector<ObjectEstimate> estimates = {};  // of it
   bool adapts;
   ColorWatch watch;
   ColorFollower follower;
@@ -101,6 +103,7 @@ void ObjectTracker::expect(int camera, capture::PixelFormat format, capture::Col
 }
 
 void ObjectTracker::trust(std::span<const CameraTrust> cameras) {
+  learn();
   for (const CameraTrust& camera : cameras) {
     const bool is_finite = camera.pose_covariance.allFinite() &&
                            (!camera.cam_from_world || (camera.cam_from_world->rotation.coeffs().allFinite() &&
@@ -123,7 +126,9 @@ void ObjectTracker::take_over_from(const ObjectTracker& before) {
   if (many != nullptr && many_before != nullptr) many->take_over_from(*many_before);
 }
 
-void ObjectTracker::update(const capture::FrameSet& set, std::vector<ObjectEstimate>& out) {
+void ObjectTracker::update(const capture::FrameSet& of_caller, std::vector<ObjectEstimate>& out) {
+  learn();
+  const capture::FrameSet& set = impl_->open.emplace(of_caller);
   if (auto* many = std::get_if<ManyTracker>(&impl_->tracker)) {
     many->update(set, out);
   } else {
@@ -133,7 +138,17 @@ void ObjectTracker::update(const capture::FrameSet& set, std::vector<ObjectEstim
     else
       out.front() = std::get<PaperTracker>(impl_->tracker).update(set);
   }
-  impl_->learn_colour(set, out);
+  impl_->estimates = out;
+}
+
+void ObjectTracker::learn() {
+  if (!impl_->open) return;
+  if (auto* many = std::get_if<ManyTracker>(&impl_->tracker))
+    many->learn();
+  else if (auto* one = std::get_if<RegionTracker>(&impl_->tracker))
+    one->learn();
+  impl_->learn_colour(*impl_->open, impl_->estimates);
+  impl_->open.reset();
 }
 
 ObjectEstimate ObjectTracker::update(const capture::FrameSet& set) {

@@ -54,10 +54,16 @@ class ObjectTracker {
   void take_over_from(const ObjectTracker& before);
 
   // Sets come in time order, with one slot per camera of the rig. A frame whose size is not the rig's is not used.
+  // Keeps the frames until learn().
   object_tracking::ObjectEstimate update(const capture::FrameSet& set);  // count: 1
   // Any count. Several objects: one estimate per known object, by ascending number, and per object that has just ended;
   // where there is none, one estimate of the target itself.
   void update(const capture::FrameSet& set, std::vector<object_tracking::ObjectEstimate>& out);
+
+  // After each update(), once its estimates are published: what only later sets need (the room's clutter, what is
+  // behind the object, further objects, its colour), of the same frames. update() and trust() call it if it was not
+  // called.
+  void learn();
 
   // The particles after the last update, for pictures. about: at least so many of them, but fewer than twice as many,
   // by a regular step; 0: all.
@@ -71,11 +77,12 @@ class ObjectTracker {
   std::span<const object_tracking::SeenRegion> regions() const;
   std::vector<object_tracking::ColorShare> color_shares() const;  // per camera of the rig; observation: huetrack
 
-  // Where one more object than the target's count, or something that looks like one, has been seen for more than a
-  // second. nullopt: none; also where count is 1 and the room has the target's colour. observation: huetrack.
+  // As of the last learn(): where one more object than the target's count, or something that looks like one, has been
+  // seen for more than a second. nullopt: none; also where count is 1 and the room has the target's colour.
+  // observation: huetrack.
   std::optional<Eigen::Vector3d> further_object() const;
 
-  std::vector<ColorHealth> color_health() const;  // per camera of the rig
+  std::vector<ColorHealth> color_health() const;  // as of the last learn(); per camera of the rig
   std::uint64_t color_change_count() const;       // increases whenever a warning of color_health() changes
 
  private:

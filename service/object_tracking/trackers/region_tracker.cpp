@@ -43,9 +43,7 @@ bool RegionTracker::is_followed() const {
 
 ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
   const std::vector<TargetView>& views = views_.look_at(set);
-  seen_ = sightings_;  // of the last set
-  if (clutter_mask_.is_room_shared() && is_followed()) add_expected(views, filter_.motion(), target_.radius_m, seen_);
-  clutter_mask_.look(views, seen_, set.at);
+  clutter_mask_.look(views, set.at);
   for (std::size_t c = 0; c < views_.camera_count(); ++c) consistency_.set_shared(c, clutter_mask_.is_shared(c));
   search_.set_shared(clutter_mask_.is_room_shared(), clutter_mask_.is_starting(set.at));
   sightings_.clear();
@@ -55,14 +53,27 @@ ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
   sets_apart_ += is_apart(views) ? 1 : 0;
   if (set.at < last_at_) forget();  // the clock was set back: the state is of another time
   filter_.motion().open_clocks(set);
-  if (is_followed()) follow(set, views);
+  const bool was_followed = is_followed();
+  if (was_followed) follow(set, views);
+  is_kept_ = was_followed && is_followed();
   if (state_ != TrackState::tracking) search(set, views);
-  if (state_ == TrackState::tracking && !clutter_mask_.is_room_shared())
-    further_.look(views, sightings_, filter_.motion(), clutter_mask_, set.at);
-  else
-    further_.note_untracked(set.at);
   last_at_ = set.at;
   return report(set);
+}
+
+void RegionTracker::learn() {
+  const std::vector<TargetView>& views = views_.used();
+  if (is_kept_) {
+    sighter_.learn_behind(views, filter_.motion());
+    sighter_.learn_behind(views_.unused(), filter_.motion());
+  }
+  std::vector<Sighting> tracked = sightings_;
+  if (clutter_mask_.is_room_shared() && is_followed()) add_expected(views, filter_.motion(), target_.radius_m, tracked);
+  clutter_mask_.learn(views, tracked, last_at_);
+  if (state_ == TrackState::tracking && !clutter_mask_.is_room_shared())
+    further_.look(views, sightings_, filter_.motion(), clutter_mask_, last_at_);
+  else
+    further_.note_untracked(last_at_);
 }
 
 void RegionTracker::follow(const capture::FrameSet& set, const std::vector<TargetView>& views) {
@@ -82,9 +93,6 @@ void RegionTracker::follow(const capture::FrameSet& set, const std::vector<Targe
   }
   filter_.update(sightings_, set.at, last_published_, power_density);
   judge(set);
-  if (!is_followed()) return;
-  sighter_.learn_behind(views, filter_.motion());
-  sighter_.learn_behind(views_.unused(), filter_.motion());
 }
 
 void RegionTracker::expected_outlines(std::size_t camera, std::vector<capture::ExpectedOutline>& out) const {

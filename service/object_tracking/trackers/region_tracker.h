@@ -48,6 +48,7 @@ class RegionTracker {
                 const object_tracking::ObjectTrackerOptions& options, particle_filter::Rng rng);
 
   object_tracking::ObjectEstimate update(const capture::FrameSet& set);
+  void learn();
   void trust(std::span<const object_tracking::CameraTrust> cameras);
   void correct_times(std::span<const double> late_s);
   object_tracking::TargetViews& views() { return views_; }
@@ -97,6 +98,7 @@ class RegionTracker {
   object_tracking::TrackState published_ = object_tracking::TrackState::searching;  // in the last set
   bool was_tracked_ = false;                                                        // since it was initialised
   capture::Timestamp last_at_{}, last_tracking_{};                                  // of the sets
+  bool is_kept_ = false;  // followed into this set, not found in it: a first position is too unsure to learn around it
   int finds_out_of_reach_ = 0;  // in the last sets, one after the other
   std::size_t sets_apart_ = 0;  // whose frames were not taken at one moment
   capture::Timestamp last_published_ = capture::Timestamp::min();
