@@ -112,14 +112,14 @@ void limit_instances(std::string_view topic, eprosima::fastdds::dds::DataReaderQ
 //   frames/...       reliable, volatile, keep-last 4, asynchronous (many datagrams a frame); losses are requested
 //                    again within 20 ms. The writer limits the frames in flight (hosts/frame_window.h): a network that
 //                    is too slow would lose nearly all.
-//   matches/...      as frames/..., keep-last 8, losses requested again within 40 ms: a heartbeat with its answer costs
-//                    a third of a small frame. Readers accept 32 cameras of a host.
+//   matches/...      as frames/..., but synchronous and keep-last 8; losses requested again within 40 ms: a heartbeat
+//                    with its answer costs a third of a small frame. Readers accept 32 cameras of a host.
 //   looked_for       as status.
 //   outlines/...     as clock_*: each frame set brings a new one.
 //   clock_*          best effort, volatile, keep-last 4, readers 64: all hosts answer at the same time.
 //   ROS 2            reliable, volatile, keep-last 10: compatible with `ros2 topic echo`, RViz and best-effort readers.
 // A reader preallocates samples of largest_sample() bytes; new samples replace those that were not taken in time.
-// All but frames/... and matches/... are published synchronously, which has the lowest measured latency. No deadline is
+// All but frames/... are published synchronously, which has the lowest measured latency. No deadline is
 // offered, so readers must request none.
 eprosima::fastdds::dds::DataWriterQos object_position_writer_qos();
 // depth: samples per target between two polls; small for a program that takes samples on arrival.
