@@ -30,9 +30,14 @@ constexpr double rarely = 0.1;  // of the sets: positions are uncertain until th
 // Compares the track with the clicked point.
 class TrialWatch final : public pipeline::Output {
  public:
-  TrialWatch(const calib::Camera& camera, double radius_m, double acceleration_m_s2, const SeenAt& seen,
+  TrialWatch(const calib::CameraRig& rig, double radius_m, double acceleration_m_s2, const SeenAt& seen,
              std::stop_source& done)
-      : camera_(camera), radius_m_(radius_m), acceleration_m_s2_(acceleration_m_s2), seen_(seen), done_(done) {}
+      : rig_(rig),
+        camera_(rig.cameras[std::size_t(seen.point.camera)]),
+        radius_m_(radius_m),
+        acceleration_m_s2_(acceleration_m_s2),
+        seen_(seen),
+        done_(done) {}
 
   void on_set(const pipeline::TrackedSet& set) override {
     ++trial_.sets;
@@ -43,6 +48,7 @@ class TrialWatch final : public pipeline::Output {
     const bool is_taken = !tracked.empty() && is_taken_for_it(set);
     for (const object_tracking::ObjectEstimate* const estimate : tracked) {
       sigmas_m_.push_back(std::sqrt(estimate->covariance.trace()));
+      in_pictures_.push_back(sigma_in_pictures(*estimate));
       if (!is_taken) hold_to_point(*estimate, std::chrono::abs(set.frames.at - seen_.at));
     }
     if (set.frames.at - seen_.at > enough) done_.request_stop();
@@ -52,11 +58,24 @@ class TrialWatch final : public pipeline::Output {
     if (sigmas_m_.empty()) return trial_;
     trial_.sigma_m = calib::median_in_place(std::span(sigmas_m_));
     trial_.rare_sigma_m = calib::quantile_in_place(std::span(sigmas_m_), 1 - rarely);
-    trial_.is_sure = sigmas * trial_.sigma_m <= radius_m_ && trial_.rare_sigma_m <= radius_m_;
+    trial_.is_sure = sigmas * calib::median_in_place(std::span(in_pictures_)) <= 1 &&
+                     calib::quantile_in_place(std::span(in_pictures_), 1 - rarely) <= 1;
     return trial_;
   }
 
  private:
+  // In radii: 1 sigma in the picture in which it is largest, of those that show the object.
+  double sigma_in_pictures(const object_tracking::ObjectEstimate& estimate) const {
+    double largest = 0;
+    for (const calib::Camera& camera : rig_.cameras) {
+      const auto there = object_tracking::project_ball(camera, estimate.position, radius_m_);
+      if (!there || !camera.contains({there->px})) continue;
+      const double variance = (there->jacobian * estimate.covariance * there->jacobian.transpose()).trace();
+      largest = std::max(largest, std::sqrt(variance) / there->radius_px);
+    }
+    return largest;
+  }
+
   // In the set of the clicked frame, the object's region counts, independent of the cameras' timing.
   bool is_taken_for_it(const pipeline::TrackedSet& set) {
     const auto& frame = set.frames.frames[std::size_t(seen_.point.camera)];
@@ -99,12 +118,13 @@ class TrialWatch final : public pipeline::Output {
     trial_.at_point = distance;
   }
 
+  const calib::CameraRig& rig_;
   const calib::Camera& camera_;
   const double radius_m_, acceleration_m_s2_;
   const SeenAt seen_;
   std::stop_source& done_;
   ColorTrial trial_;
-  std::vector<double> sigmas_m_;
+  std::vector<double> sigmas_m_, in_pictures_;
   capture::Duration nearest_ = capture::Duration::max();
 };
 
@@ -122,8 +142,7 @@ ColorTrial try_color(config::ServiceConfig config, std::span<const std::string> 
   pipeline::Session session(config, std::move(sources), {});
   std::stop_source done;
   const std::stop_callback forward(stop, [&done] { done.request_stop(); });
-  TrialWatch watch(config.rig.cameras[std::size_t(seen.point.camera)], target.radius_m,
-                   config.object_tracking.acceleration_m_s2, seen, done);
+  TrialWatch watch(config.rig, target.radius_m, config.object_tracking.acceleration_m_s2, seen, done);
   session.add(watch);
   session.run(done.get_token());
   return watch.trial();

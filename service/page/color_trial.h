@@ -25,8 +25,8 @@ struct ColorTrial {
   std::uint64_t sets = 0, tracking = 0;  // of the recording; with an object of the target in `tracking`
   // sqrt of the covariance's trace while tracking, metres: median and 90th percentile.
   double sigma_m = 0, rare_sigma_m = 0;
-  // Three times the median and one time the percentile are within the object's radius: the object is distinguished from
-  // its surroundings.
+  // Three times the median and one time the percentile of the sigma in the pictures are within the object's radius
+  // there: the object is distinguished from its surroundings. How far away the only camera sees it does not count.
   bool is_sure = false;
   // Distance of the track from the clicked point, and its limit, px; nullopt: not `tracking` within a quarter of a
   // second. In the clicked frame, the object's region must contain the point; in others the limit is the radius, three

@@ -127,8 +127,8 @@ void CalibrationWatch::note(std::size_t camera, capture::Timestamp at) {
   }
 }
 
-// A position needs two cameras. If fewer would remain, moved cameras with a small effect are used at their current pose
-// (trust_camera).
+// A position needs two cameras of a rig that has several. If fewer would remain, moved cameras with a small effect are
+// used at their current pose (trust_camera).
 std::vector<bool> CalibrationWatch::used_cameras() const {
   std::vector<bool> used(facts_.size(), true);
   std::vector<std::size_t> usable;
@@ -210,8 +210,8 @@ std::vector<config::KeptRoom> CalibrationWatch::room() const {
   return room;
 }
 
-// RMS error of positions that are triangulated with the rig's pose while the camera has pose `now`: over those nodes of
-// a grid in the volume that this camera and another one see.
+// RMS error of positions that are found with the rig's pose while the camera has pose `now`: over those nodes of a grid
+// in the volume that this camera and another one see. The only camera finds them by size: where they are in its frame.
 double CalibrationWatch::effect_of(std::size_t camera, const calib::Rigid3d& now) const {
   constexpr std::array<double, 3> shares{0.2, 0.5, 0.8};  // layout: nodes of the grid on each axis
   double sum = 0;
@@ -219,6 +219,14 @@ double CalibrationWatch::effect_of(std::size_t camera, const calib::Rigid3d& now
   for (int k = 0; k < 27; ++k) {
     const Eigen::Vector3d share(shares[std::size_t(k % 3)], shares[std::size_t(k / 3 % 3)], shares[std::size_t(k / 9)]);
     const Eigen::Vector3d p = volume_.min + share.cwiseProduct(volume_.max - volume_.min);
+    if (rig_.cameras.size() == 1) {
+      const calib::Camera& view = rig_.cameras.front();
+      const auto px = view.model.project(now * p);
+      if (!px || !view.contains(*px)) continue;
+      sum += (calib::inverse(view.cam_from_world) * (now * p) - p).squaredNorm();
+      ++places;
+      continue;
+    }
     Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
     Eigen::Vector3d pull = Eigen::Vector3d::Zero();
     int views = 0;

@@ -50,6 +50,19 @@ TEST(ColorTrial, AnUnseenColourTracksNothing) {
   EXPECT_EQ(words_of(trial, "left"), "tried on the recording, nothing is tracked in any of 150 sets");
 }
 
+// The distance of the only camera's object is open to some per cent, which is more than its radius.
+TEST(ColorTrial, TheOnlyCameraIsSure) {
+  config::ServiceConfig config = config::load_service_config(demo / "huetrackd.yaml");
+  config.rig.cameras.resize(1);
+  const std::vector<std::string> words{(demo / "recording").string()};
+  const object_tracking::TargetOptions& target = config.targets.at(0);
+  const SeenAt seen{.point = {0, {219, 159}}, .at = capture::Timestamp(std::chrono::seconds(2))};
+  const ColorTrial trial = try_color(config, words, target, seen, {});
+  EXPECT_GT(3 * trial.sigma_m, target.radius_m);
+  EXPECT_TRUE(trial.is_found());
+  EXPECT_TRUE(trial.is_sure) << words_of(trial, "cam0");
+}
+
 TEST(ColorTrial, EndsOnAStop) {
   std::stop_source stop;
   stop.request_stop();

@@ -83,6 +83,12 @@ TEST(CalibrationWatch, ReportsTheEffectAndInflatesTheCovariance) {
   EXPECT_EQ(watch.trust()[1].pose_covariance.norm(), 0);
 }
 
+TEST(CalibrationWatch, ReportsTheEffectOfTheOnlyCamera) {
+  const CameraCalibration camera = after_turn(0.8, CalibrationMode::tell, 1).cameras()[0];
+  ASSERT_TRUE(camera.moved);
+  EXPECT_NEAR(camera.effect_m, 0.032, 0.015);  // nothing takes a part of 0.8 degrees at some 2.3 m
+}
+
 // Below the threshold for reporting, but significant.
 TEST(CalibrationWatch, InflatesTheCovarianceByAnUnreportedTurn) {
   const CalibrationWatch watch = after_turn(0.045, CalibrationMode::tell, 3, nullptr, 12);
