@@ -10,6 +10,8 @@
 #include "calib/program/outcome.h"
 #include "calib/program/waved_ball.h"
 #include "calib/wave/wave.h"
+#include "recordings/recording.h"
+#include "recordings/replay_source.h"
 
 namespace huetrack::program {
 namespace {
@@ -18,8 +20,27 @@ struct WaveCommand : WavedOptions {
   std::vector<std::string> lenses, camera_distance;
   std::vector<double> hue, saturation{0.3, 1}, intensity{0.1, 0.95}, marks;
   double radius_mm = 40, rest_distance = 0;
-  bool no_poses = false;
+  bool no_poses = false, guess_lenses = false;
 };
+
+// The recording's cameras with lenses of 60 degrees, without distortion. throws as ReplaySource
+calib::CameraRig guessed_rig(const std::string& recording_file) {
+  if (recording_file.empty()) throw gather::InputError("without --config and --lens, give a recording");
+  constexpr double focal_of_width = 0.866;  // maths: 1 / (2 tan(60 degrees / 2))
+  const recordings::Recording recording = recordings::read_recording(recording_file);
+  std::vector<std::string> names;
+  for (const recordings::RecordedCamera& camera : recording.cameras) names.push_back(camera.name);
+  calib::CameraRig rig;
+  for (const recordings::ReplayCamera& of : recordings::ReplaySource(recording, names).cameras()) {
+    calib::Camera& camera = rig.cameras.emplace_back();
+    camera.name = names[rig.cameras.size() - 1];
+    camera.image_size = {of.width, of.height};
+    const double focal = focal_of_width * of.width;
+    camera.model =
+        calib::CameraModel(calib::PinholeRadtan{focal, focal, (of.width - 1) / 2.0, (of.height - 1) / 2.0, {}});
+  }
+  return rig;
+}
 
 WavedInput input_of(const WaveCommand& o) {
   if (!o.config.empty()) {
@@ -27,10 +48,10 @@ WavedInput input_of(const WaveCommand& o) {
       throw gather::InputError("--config has lenses and colours: omit --lens and --hue");
     return configured_input(o);
   }
-  if (o.lenses.empty() || o.hue.empty())
-    throw gather::InputError(
-        "give --config huetrackd.yaml; or, without one, --lens for every camera and the target's --hue and --radius");
+  if (o.hue.empty())
+    throw gather::InputError("give --config huetrackd.yaml; or, without one, the target's --hue and --radius");
   WavedInput in;
+  if (o.lenses.empty()) in.rig = guessed_rig(o.recording);
   for (const auto& file : o.lenses) {
     const calib::CameraRig lens = calib::read_rig(file);
     in.rig.cameras.insert(in.rig.cameras.end(), lens.cameras.begin(), lens.cameras.end());
@@ -53,6 +74,7 @@ WavedInput input_of(const WaveCommand& o) {
 wave::WaveOptions wave_options(const WaveCommand& o, const WavedInput& in) {
   wave::WaveOptions options{.radius_m = in.targets.front().radius_m};
   options.has_poses = !o.no_poses && in.config.has_value();
+  options.guessed_lenses = o.guess_lenses || (!in.config && o.lenses.empty());
   if (!o.camera_distance.empty()) {
     wave::CameraDistance d;
     for (const int i : {0, 1}) {
@@ -115,7 +137,9 @@ void add_wave_command(CLI::App& app, Command& chosen) {
                    "SECONDS X Y Z: known position of the ball's centre; two set the scale, three the world")
       ->expected(4)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
-  command->add_option("--lens", o->lenses, "without --config: a rig file with lenses; may be repeated");
+  command->add_option("--lens", o->lenses,
+                      "without --config: a rig file with lenses; may be repeated. Without any, lenses are estimated");
+  command->add_flag("--guess-lenses", o->guess_lenses, "the lenses of --config's rig are guesses: estimate them");
   command->add_option("--hue", o->hue, "without --config: the target's range of hue, degrees")->expected(2);
   command->add_option("--saturation", o->saturation, "without --config: its range of saturation, 0..1")->expected(2);
   command->add_option("--intensity", o->intensity, "without --config: its range of intensity, 0..1")->expected(2);

@@ -21,6 +21,8 @@ constexpr double far_mark_m = 0.03;                    // a tape measure held by
 constexpr double poor_scale = 0.01;                    // relative; a metre, taped to 5 mm, does better
 constexpr double small_ball = 0.65, large_ball = 1.5;  // apparent over configured radius; light and blur cause less
 constexpr double few_agree = 0.6;                      // of a camera's frames with the colour
+constexpr double wrong_lens_px = 1;                    // lenses given from boards are exact to some tenths
+constexpr double wrong_focal = 0.005;                  // relative; below, other parameters are the cause
 constexpr double far_from_rig = 0.3;                   // displacement of a camera / its distance to the ball
 constexpr double far_turned_rad = 0.35;                // 20 degrees
 constexpr double little_coverage = 0.15;               // of a camera's image
@@ -99,6 +101,23 @@ void doubt_camera(WaveReport& report, const WaveResult& result, const WaveCamera
     report.doubts.push_back(
         fmt::format("{} saw the ball in only {:.0f} % of its image: wave it in the rest of its view, too", name,
                     1e2 * camera.coverage));
+  }
+}
+
+// A given lens that the ball contradicts.
+void note_lenses(WaveReport& report, const WaveResult& result) {
+  for (std::size_t c = 0; c < result.cameras.size() && !result.guessed_lenses; ++c) {
+    const WaveCamera& camera = result.cameras[c];
+    if (camera.lens_px < wrong_lens_px) continue;
+    const bool is_focal = std::abs(camera.longer) > std::max(wrong_focal, 3 * camera.longer_sigma);
+    report.notes.push_back(fmt::format(
+        "{}'s lens does not fit: {}its pixels are {:.1f} px off (rms); the rig has the corrected lens. A lens from a "
+        "board is more accurate",
+        result.rig.cameras[c].name,
+        is_focal ? fmt::format("its focal length is {:.1f} % {} than given, ", 1e2 * std::abs(camera.longer),
+                               camera.longer > 0 ? "longer" : "shorter")
+                 : "",
+        camera.lens_px));
   }
 }
 
@@ -194,6 +213,7 @@ WaveReport report_on(const WaveResult& result) {
   WaveReport report;
   if (!result.held_poses) report.scale_from = scale_text(result);
   report.notes = notes_on(result);
+  note_lenses(report, result);
   if (result.marks_error_m && *result.marks_error_m > far_mark_m) {
     report.doubts.push_back(
         fmt::format("a marked point has an error of {:.0f} mm: measure them again, and check the times",

@@ -43,7 +43,7 @@ Vector3d outline_point(bool pinhole, const Vector3d& p, double radius, double* z
   return {p.x(), p.y(), p.z() - radius * radius / p.z()};
 }
 
-class OutlineCost final : public ceres::SizedCostFunction<2, 6, 3, 3, 3, 3, 1, 1> {
+class OutlineCost final : public ceres::SizedCostFunction<2, 6, 3, 3, 3, 3, 1, 1, lens_freedom> {
  public:
   OutlineCost(const calib::CameraModel& model, const Matrix3d& base, const BallObservation& o, double below,
               const BallPath& path, std::size_t first, double radius)
@@ -74,7 +74,9 @@ class OutlineCost final : public ceres::SizedCostFunction<2, 6, 3, 3, 3, 3, 1, 1
     const Vector3d outline = outline_point(solver::is_pinhole(lens_), p_cam, radius_, &z_by_z);
     Vector2d px;
     solver::PixelByPoint by_point;
-    const bool seen = solver::project(lens_, parameters_, outline, px, &by_point, nullptr) && px.allFinite();
+    solver::PixelByLens by_lens;
+    const solver::LensParameters lens = changed(parameters_, LensChange(blocks[7]));
+    const bool seen = solver::project(lens_, lens, outline, px, &by_point, &by_lens) && px.allFinite();
     Eigen::Map<Vector2d> r(residuals);
     // Behind the camera there is no slope that leads back: the loss makes it an outlier.
     r = seen ? Vector2d(whiten_ * (px - measured_)) : Vector2d::Constant(1e4);
@@ -95,6 +97,13 @@ class OutlineCost final : public ceres::SizedCostFunction<2, 6, 3, 3, 3, 3, 1, 1
     const Vector2d by_time = by_world * velocity;
     if (jacobians[5]) Eigen::Map<Vector2d>{jacobians[5]} = -by_time;
     if (jacobians[6]) Eigen::Map<Vector2d>{jacobians[6]} = below_ * by_time;
+    if (jacobians[7]) {
+      Eigen::Map<Eigen::Matrix<double, 2, lens_freedom, Eigen::RowMajor>> j(jacobians[7]);
+      if (seen)
+        j = whiten_ * by_change(by_lens, lens);
+      else
+        j.setZero();
+    }
     return true;
   }
 

@@ -17,7 +17,8 @@ Eigen::Matrix3d rotation_of(const Eigen::Vector3d& omega);
 Eigen::Matrix3d right_jacobian(const Eigen::Vector3d& omega);
 
 // Whitened residual (2), predicted minus measured. Blocks: pose (omega, t: 6), four control points (3 each), latency,
-// readout. The pose is R = base exp(omega), t: omega stays near 0, far from the singularity of rotation vectors.
+// readout, LensChange. The pose is R = base exp(omega), t: omega stays near 0, far from the singularity of rotation
+// vectors.
 //   below_middle  -1/2..1/2, see below_middle()
 //   path          only its knots are used; must outlive the cost
 //   first         the first of the four control points

@@ -10,10 +10,10 @@
 
 namespace huetrack::wave {
 
-// Linear map from pose errors (per camera: centre, rotation; world axes) to errors of positions triangulated from exact
-// pixels, after the best rigid alignment of all places: a motion of the whole world is no error.
+// Linear map from errors of poses and lenses (as WaveFit::covariance has them) to errors of positions triangulated from
+// exact pixels, after the best rigid alignment of all places: a motion of the whole world is no error.
 struct ShapeErrors {
-  Eigen::MatrixXd by_poses;   // 3 rows per place
+  Eigen::MatrixXd by_errors;  // 3 rows per place
   Eigen::MatrixXd alignment;  // 6 rows: the motion that is removed (translation, rotation about the origin)
   double places = 0;          // seen by two or more cameras
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();  // mean of these places
@@ -21,14 +21,13 @@ struct ShapeErrors {
 
   double rms(const Eigen::MatrixXd& covariance) const;  // metres; covariance: as WaveFit::covariance
   // For the rig file: poses in the world aligned with the places, with a scale of relative uncertainty scale_sigma.
-  // Lenses count as exact.
-  calib::RigUncertainty uncertainty(const WaveState& state, const Eigen::MatrixXd& covariance,
-                                    double scale_sigma) const;
-  // Error of one camera's pose in the aligned world, by all poses: 6 rows.
+  calib::RigUncertainty uncertainty(const calib::CameraRig& rig, const WaveState& state,
+                                    const Eigen::MatrixXd& covariance, double scale_sigma) const;
+  // Error of one camera's pose in the aligned world, by all errors: 6 rows.
   Eigen::MatrixXd of_camera(Eigen::Index camera, const Eigen::Vector3d& centre) const;
 };
 
-// Lenses from `rig`, poses from `state`.
+// Lenses from `rig`, which has those found; poses from `state`.
 ShapeErrors shape_errors(const calib::CameraRig& rig, const WaveState& state,
                          const std::vector<Eigen::Vector3d>& places);
 

@@ -106,17 +106,40 @@ struct Found {
   bool rejected_rig_poses = false;  // see WaveResult
 };
 
+constexpr double most_agree = 0.7;  // share of the frames, from a start that was good enough
+
+// Without poses. With guessed lenses, other focal lengths are tried until most of the frames agree. throws
+// CalibrationError
+std::unique_ptr<WaveSolution> from_nothing(calib::CameraRig rig, const std::vector<BallFrame>& frames,
+                                           const WaveOptions& options) {
+  std::unique_ptr<WaveSolution> best;
+  std::optional<solver::CalibrationError> refused;
+  // From 60 degrees: 91, 42, 113 and 24. An adjustment corrects some 40 %.
+  for (const double focal : {1.0, 0.57, 1.5, 0.38, 2.7}) {
+    calib::CameraRig tried = rig;
+    LensChange change = LensChange::Zero();
+    change[0] = std::log(focal);
+    for (calib::Camera& camera : tried.cameras) camera.model = changed(camera.model, change);
+    try {
+      auto solution = std::make_unique<WaveSolution>(tried, frames, options);
+      solution->solve(start_from_nothing(tried, solution->tracks()), true);
+      if (!best || solution->misfit() < best->misfit()) best = std::move(solution);
+    } catch (const solver::CalibrationError& error) {
+      if (!refused) refused = error;
+    }
+    if (!options.guessed_lenses || (best && best->used_share() >= most_agree)) break;
+  }
+  if (!best) throw solver::CalibrationError(*refused);
+  return best;
+}
+
 // From the rig's poses; from nothing where there are none, or where they do not fit. throws CalibrationError
 Found find_solution(const calib::CameraRig& rig, const std::vector<BallFrame>& frames, const WaveOptions& options) {
   auto solution = std::make_unique<WaveSolution>(rig, frames, options);
   require_connected(rig, pairs_of(rig, solution->tracks()));
-  if (!options.has_poses) {
-    solution->solve(start_from_nothing(rig, solution->tracks()), true);
-    return {std::move(solution), false};
-  }
+  if (!options.has_poses) return {from_nothing(rig, frames, options), false};
   WaveStart start;
   for (const calib::Camera& camera : rig.cameras) start.cam_from_world.push_back(camera.cam_from_world);
-  constexpr double most_agree = 0.7;  // share of the frames, from a start that was good enough
   if (options.hold_poses) {
     solution->solve(start, false);
     if (const double share = solution->used_share(); share < most_agree) {
@@ -137,8 +160,7 @@ Found find_solution(const calib::CameraRig& rig, const std::vector<BallFrame>& f
   }
   if (!refused && solution->used_share() >= most_agree) return {std::move(solution), false};
   try {
-    auto fresh = std::make_unique<WaveSolution>(rig, frames, options);
-    fresh->solve(start_from_nothing(rig, fresh->tracks()), true);
+    auto fresh = from_nothing(rig, frames, options);
     if (refused || fresh->misfit() < solution->misfit()) return {std::move(fresh), true};
   } catch (const solver::CalibrationError&) {
     if (refused) throw solver::CalibrationError(*refused);
@@ -296,10 +318,30 @@ void set_world(WaveResult& result, WaveSolution& wave, const calib::CameraRig& r
   }
 }
 
+// Sets how the lens that was found differs from the given one.
+void compare_lens(WaveCamera& camera, const calib::Camera& given, const calib::CameraModel& found) {
+  constexpr int columns = 8, rows = 6;
+  camera.longer = found.fx() / given.model.fx() - 1;
+  double sum = 0;
+  int count = 0;
+  for (int i = 0; i < columns * rows; ++i) {
+    const Vector2d share((i % columns + 0.5) / columns, (i / columns + 0.5) / rows);
+    const Vector2d px = share.cwiseProduct(Vector2d(given.image_size.width, given.image_size.height));
+    const auto ray = given.model.ray({px});
+    const auto there = ray ? found.project(*ray) : std::nullopt;
+    if (there) sum += (there->px - px).squaredNorm(), ++count;
+  }
+  camera.lens_px = std::sqrt(sum / std::max(1, count));
+}
+
 // Sets poses, residuals and coverage.
 void set_fit(WaveResult& result, const WaveSolution& wave, const std::vector<BallObservation>& observations) {
   const std::size_t n = result.cameras.size();
-  for (std::size_t c = 0; c < n; ++c) result.rig.cameras[c].cam_from_world = wave.state().cam_from_world[c];
+  for (std::size_t c = 0; c < n; ++c) {
+    result.rig.cameras[c].cam_from_world = wave.state().cam_from_world[c];
+    compare_lens(result.cameras[c], result.rig.cameras[c], wave.lens(c));
+    result.rig.cameras[c].model = wave.lens(c);
+  }
   result.size_ratio = wave.size_ratio();
   result.jerk_m_s3 = wave.jerk_m_s3();
   result.duration_s = wave.to_s() - wave.from_s();
@@ -414,12 +456,13 @@ void require_motion(const WaveResult& result) {
 
 // Difference of the poses estimated from each half of the recording, and its covariance.
 struct Halves {
-  Eigen::VectorXd difference;  // six per camera: centre, rotation
+  Eigen::VectorXd difference;  // as WaveFit::covariance
   Eigen::MatrixXd covariance;
 };
 
 Halves compare_halves(const WaveSolution& whole, std::size_t cameras, const solver::Progress& progress) {
-  const auto size = 6 * static_cast<Eigen::Index>(cameras);
+  const auto n = static_cast<Eigen::Index>(cameras);
+  const Eigen::Index size = (6 + lens_freedom) * n;
   std::array<WaveState, 2> states{whole.state(), whole.state()};
   Halves halves{Eigen::VectorXd(size), Eigen::MatrixXd::Zero(size, size)};
   for (const int half : {0, 1}) {
@@ -436,6 +479,8 @@ Halves compare_halves(const WaveSolution& whole, std::size_t cameras, const solv
     const auto at = 6 * static_cast<Eigen::Index>(c);
     halves.difference.segment<3>(at) = calib::inverse(b).translation - calib::inverse(a).translation;
     halves.difference.segment<3>(at + 3) = turn.angle() * turn.axis();
+    halves.difference.segment<lens_freedom>(6 * n + lens_freedom * static_cast<Eigen::Index>(c)) =
+        states[1].lenses[c] - states[0].lenses[c];
   }
   return halves;
 }
@@ -481,6 +526,8 @@ Eigen::MatrixXd set_uncertainties(WaveResult& result, const WaveSolution& wave, 
     const Eigen::VectorXd own_variance = (by_poses * covariance * by_poses.transpose()).diagonal().cwiseMax(0);
     camera.centre_sigma_m = own_variance.head<3>().cwiseSqrt();
     camera.rotation_sigma_rad = own_variance.tail<3>().cwiseSqrt();
+    const auto focal = static_cast<Eigen::Index>(6 * n + lens_freedom * c);
+    camera.longer_sigma = std::sqrt(std::max(0.0, covariance(focal, focal)));
     if (!result.had_poses) continue;
     camera.moved_m = (result.rig.cameras[c].centre() - start.cameras[c].centre()).norm();
     camera.turned_rad =
@@ -668,6 +715,7 @@ WaveResult calibrated(const calib::CameraRig& rig, std::vector<BallFrame>& frame
   result.radius_m = options.radius_m;
   result.had_poses = options.has_poses;
   result.held_poses = options.hold_poses;
+  result.guessed_lenses = options.guessed_lenses;
   count_sightings(result, frames);
 
   const Found found = find_solution(rig, frames, options);
@@ -704,7 +752,7 @@ WaveResult calibrated(const calib::CameraRig& rig, std::vector<BallFrame>& frame
   if (!options.hold_poses) {
     result.scale.sigma = scale_sigma(result, wave, options);
     result.rig.uncertainty = (errors.has_volume() ? *errors.in_volume : errors.along_path)
-                                 .uncertainty(wave.state(), covariance, result.scale.sigma);
+                                 .uncertainty(result.rig, wave.state(), covariance, result.scale.sigma);
   }
   result.by_scale_m = result.scale.sigma * errors.along_path.reach_m;
   if (errors.in_volume) result.by_scale_in_volume_m = result.scale.sigma * errors.in_volume->reach_m;

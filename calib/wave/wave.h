@@ -1,5 +1,5 @@
-// Calibrates camera poses and timing from a coloured ball that was waved through the volume; no board. Lenses are
-// given. Joint adjustment of poses, latencies, readouts and the ball's smooth path; each outline counts at the exposure
+// Calibrates camera poses, timing and lenses from a coloured ball that was waved through the volume; no board. Joint
+// adjustment of poses, lenses, latencies, readouts and the ball's smooth path; each outline counts at the exposure
 // time of its row, so that cameras need neither synchronisation nor a global shutter. Latencies are relative to the
 // first camera's, which is held: a shift of all times is not observable. Model: design.md.
 #pragma once
@@ -34,6 +34,7 @@ struct WaveOptions {
   double pixel_noise_px = 0.1;  // > 0; of an outline's centre; 0.02 of its radius is added
   bool has_poses = true;        // the rig's poses are roughly right; otherwise they are not used
   bool hold_poses = false;      // the rig's poses are exact: only the timing is estimated
+  bool guessed_lenses = false;  // the rig's lenses are guesses; otherwise a lens is kept unless the ball contradicts it
   // Source of the scale, at most one of these; none: the rig's poses, or without them the ball's radius (10 %).
   std::optional<CameraDistance> camera_distance{};
   std::optional<double> rest_distance_m{};   // > 0; between the two places where the ball rested longest
@@ -60,6 +61,9 @@ struct WaveCamera {
   Eigen::Vector3d centre_sigma_m = Eigen::Vector3d::Zero();
   Eigen::Vector3d rotation_sigma_rad = Eigen::Vector3d::Zero();
   double moved_m = 0, turned_rad = 0;  // from the rig's pose; with has_poses only
+  // The lens found, beside the given one: relative focal length with its sigma, and the rms distance of their pixels
+  // over the image.
+  double longer = 0, longer_sigma = 0, lens_px = 0;
 };
 
 struct WavePair {
@@ -91,6 +95,7 @@ struct WaveResult {
   double radius_m = 0;              // as given
   bool held_poses = false;          // see WaveOptions; scale and errors of positions are 0 then
   bool had_poses = false;           // WaveOptions::has_poses
+  bool guessed_lenses = false;      // see WaveOptions
   bool rejected_rig_poses = false;  // the rig's poses did not fit, and were found from nothing
   double rms_px = 0;                // of all used regions, length
   // Expected rms error of positions, by the poses' covariance, along the path and in the volume; and the part that the

@@ -38,6 +38,18 @@ struct PriorCost {
   }
 };
 
+// Residuals `first` to `first + N - 1` of a LensChange over `sigma`.
+template <int N>
+struct LensPriorCost {
+  int first;
+  LensChange sigma;
+  template <typename T>
+  bool operator()(const T* change, T* residuals) const {
+    for (int i = 0; i < N; ++i) residuals[i] = change[first + i] / sigma[first + i];
+    return true;
+  }
+};
+
 // The third difference of the control points is the jerk times step^3.
 struct SmoothCost {
   double weight;
@@ -186,6 +198,7 @@ class WaveProblem {
         problem_.SetParameterBlockConstant(poses_[c].data());
     }
     add_times();
+    add_lenses();
   }
 
   // Returns the cost. throws CalibrationError
@@ -238,17 +251,20 @@ class WaveProblem {
     Eigen::Index size = 0;
     for (const double* block : wanted) size += problem_.ParameterBlockSize(block);
     const auto cameras = static_cast<Eigen::Index>(poses_.size());
-    fit.covariance = Eigen::MatrixXd::Zero(6 * cameras, 6 * cameras);
+    const Eigen::Index errors = (6 + lens_freedom) * cameras;
+    fit.covariance = Eigen::MatrixXd::Zero(errors, errors);
     fit.time_covariance = Eigen::MatrixXd::Zero(2 * cameras, 2 * cameras);
     if (size == 0) return;
-    const Eigen::MatrixXd gain = gain_of(problem_, wanted, size, points);
+    Eigen::MatrixXd gain = gain_of(problem_, wanted, size, points);
+    const auto lens_rows = static_cast<Eigen::Index>(lens_rows_.size());  // the last ones
+    gain.bottomRows(lens_rows).array().colwise() *= Eigen::Map<const Eigen::ArrayXd>(lens_rows_.data(), lens_rows);
     const auto others = gain.rows() - 2 * static_cast<Eigen::Index>(observations_.size());
     const Eigen::MatrixXd in_blocks =
         variance * (propagated(gain, observations_, poses_.size(), options_.correlation) +
                     Eigen::MatrixXd(gain.bottomRows(others).transpose() * gain.bottomRows(others))) +
         by_wander(gain);
     // From (omega, t) to (centre, rotation): c = -R^T t.
-    Eigen::MatrixXd pose_change = Eigen::MatrixXd::Zero(6 * cameras, size);
+    Eigen::MatrixXd pose_change = Eigen::MatrixXd::Zero(errors, size);
     Eigen::MatrixXd time_change = Eigen::MatrixXd::Zero(2 * cameras, size);
     Eigen::Index column = 0;
     for (std::size_t c = 0; c < poses_.size(); ++c) {
@@ -266,6 +282,12 @@ class WaveProblem {
       if (has_free_latency(c)) time_change(2 * static_cast<Eigen::Index>(c), column++) = 1;
       if (has_free_readout(c)) time_change(2 * static_cast<Eigen::Index>(c) + 1, column++) = 1;
     }
+    for (std::size_t c = 0; c < poses_.size(); ++c) {
+      if (!has_free_lens(c)) continue;
+      pose_change.block<lens_freedom, lens_freedom>(6 * cameras + lens_freedom * static_cast<Eigen::Index>(c), column)
+          .setIdentity();
+      column += lens_freedom;
+    }
     fit.covariance = pose_change * in_blocks * pose_change.transpose();
     fit.time_covariance = time_change * in_blocks * time_change.transpose();
   }
@@ -281,9 +303,10 @@ class WaveProblem {
       const BallObservation& o = observations_[i];
       const auto c = static_cast<std::size_t>(o.camera);
       const double t_s = exposed_s(o);
+      const calib::CameraModel lens = state_.lens(rig_, c);
       constexpr double soon_s = 1e-3;
       const auto px_at = [&](double t) {
-        return outline_centre(rig_.cameras[c].model, state_.cam_from_world[c] * state_.path.at(t), options_.radius_m);
+        return outline_centre(lens, state_.cam_from_world[c] * state_.path.at(t), options_.radius_m);
       };
       const auto at = px_at(t_s), soon = px_at(t_s + soon_s);
       if (!at || !soon) continue;
@@ -318,7 +341,7 @@ class WaveProblem {
                                     .release(),
                                 loss, poses_[c].data(), control[first].data(), control[first + 1].data(),
                                 control[first + 2].data(), control[first + 3].data(), &state_.times[c].latency_s,
-                                &state_.times[c].readout_s);
+                                &state_.times[c].readout_s, state_.lenses[c].data());
       used_[c] = true;
     }
   }
@@ -343,6 +366,32 @@ class WaveProblem {
         problem_.SetParameterBlockConstant(&time.readout_s);
       }
     }
+  }
+  // Focal length, principal point and distortion are right or wrong one without another.
+  void add_lenses() {
+    for (std::size_t c = 0; c < poses_.size(); ++c) {
+      if (!used_[c]) continue;
+      if (!has_free_lens(c)) {
+        problem_.SetParameterBlockConstant(state_.lenses[c].data());
+        continue;
+      }
+      add_lens_prior<1>(0, c);
+      add_lens_prior<2>(1, c);
+      add_lens_prior<4>(3, c);
+    }
+  }
+  template <int N>
+  void add_lens_prior(int first, std::size_t c) {
+    constexpr double loss = 1.41421356;  // maths: sqrt(2), errors of a Cauchy distribution
+    const double weight = options_.frames_as_one[c];
+    const auto add = [&](const LensChange& sigma, ceres::LossFunction* of) {
+      problem_.AddResidualBlock(
+          new ceres::AutoDiffCostFunction<LensPriorCost<N>, N, lens_freedom>(new LensPriorCost<N>{first, sigma}),
+          new ceres::ScaledLoss(of, weight, ceres::TAKE_OWNERSHIP), state_.lenses[c].data());
+      lens_rows_.insert(lens_rows_.end(), N, std::sqrt(weight));
+    };
+    add(options_.any_lens_sigmas[c], nullptr);
+    if (!options_.given_lens_sigmas.empty()) add(options_.given_lens_sigmas[c], new ceres::CauchyLoss(loss));
   }
   void add_smoothness() {
     std::vector<Vector3d>& control = state_.path.control;
@@ -379,7 +428,8 @@ class WaveProblem {
   bool has_free_latency(std::size_t c) const {
     return has_free_readout(c) && static_cast<int>(c) != options_.time_reference;
   }
-  // Poses, then times, by camera.
+  bool has_free_lens(std::size_t c) const { return !options_.any_lens_sigmas.empty() && used_[c]; }
+  // Poses, then times, then lenses, by camera.
   std::vector<double*> free_blocks() {
     std::vector<double*> blocks;
     for (std::size_t c = 0; c < poses_.size(); ++c) {
@@ -389,6 +439,8 @@ class WaveProblem {
       if (has_free_latency(c)) blocks.push_back(&state_.times[c].latency_s);
       if (has_free_readout(c)) blocks.push_back(&state_.times[c].readout_s);
     }
+    for (std::size_t c = 0; c < poses_.size(); ++c)
+      if (has_free_lens(c)) blocks.push_back(state_.lenses[c].data());
     return blocks;
   }
 
@@ -400,6 +452,7 @@ class WaveProblem {
   std::vector<Matrix3d> base_;
   std::vector<bool> used_;
   std::vector<std::size_t> pieces_;  // per observation: of the path
+  std::vector<double> lens_rows_;    // per residual of the lenses' priors: its standard deviation
   ceres::Problem problem_;           // last: destroyed first
 };
 
@@ -415,9 +468,36 @@ double WaveState::exposed_s(const calib::CameraRig& rig, int camera, double stam
   return stamp_s - times[c].latency_s + below_middle(rig.cameras[c], px) * times[c].readout_s;
 }
 
+double OutlineCorrelation::frames_as_one(double frame_s) const {
+  const double next = std::exp(-frame_s / slow_s);  // correlation of two frames
+  return (1 - constant_share - slow_share) + slow_share * (1 + next) / (1 - next);
+}
+
+calib::LensParameters changed(calib::LensParameters lens, const LensChange& change) {
+  lens.head<2>() *= std::exp(change[0]);
+  lens.segment<lens_freedom - 1>(2) += change.tail<lens_freedom - 1>();
+  return lens;
+}
+
+calib::CameraModel changed(const calib::CameraModel& lens, const LensChange& change) {
+  return calib::model_like(lens, changed(calib::parameters_of(lens), change));
+}
+
+Eigen::Matrix<double, 2, lens_freedom> by_change(const calib::PixelByLens& by_lens, const calib::LensParameters& lens) {
+  Eigen::Matrix<double, 2, lens_freedom> out;
+  out.col(0) = by_lens.leftCols<2>() * lens.head<2>();
+  out.rightCols<lens_freedom - 1>() = by_lens.middleCols<lens_freedom - 1>(2);
+  return out;
+}
+
+calib::CameraModel WaveState::lens(const calib::CameraRig& rig, std::size_t camera) const {
+  return lenses.empty() ? rig.cameras[camera].model : changed(rig.cameras[camera].model, lenses[camera]);
+}
+
 WaveFit adjust_wave(const calib::CameraRig& rig, const std::vector<BallObservation>& observations, WaveState& state,
                     const WaveAdjustmentOptions& options) {
   state.times.resize(rig.cameras.size());
+  state.lenses.resize(rig.cameras.size(), LensChange::Zero());
   WaveFit fit;
   std::optional<WaveProblem> problem;
   constexpr int most_rounds = 8;  // as times change, observations move to other pieces of the path
@@ -426,11 +506,13 @@ WaveFit adjust_wave(const calib::CameraRig& rig, const std::vector<BallObservati
     fit.cost = problem->solve();
     if (problem->is_on_its_pieces()) break;
   }
+  std::vector<calib::CameraModel> lenses;
+  for (std::size_t c = 0; c < rig.cameras.size(); ++c) lenses.push_back(state.lens(rig, c));
   double sum = 0, weights = 0;
   for (const BallObservation& o : observations) {
     const auto c = static_cast<std::size_t>(o.camera);
     const Vector3d p = state.path.at(state.exposed_s(rig, o.camera, o.t_s, o.px));
-    const auto px = outline_centre(rig.cameras[c].model, state.cam_from_world[c] * p, options.radius_m);
+    const auto px = outline_centre(lenses[c], state.cam_from_world[c] * p, options.radius_m);
     const Vector2d residual = px ? Vector2d(o.px - *px) : Vector2d::Constant(1e4);
     fit.residuals.push_back(residual);
     fit.distance2.push_back(residual.dot(o.covariance.inverse() * residual));

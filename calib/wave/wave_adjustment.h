@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "calib/model/camera_rig.h"
+#include "calib/model/lens_derivatives.h"
 #include "calib/wave/ball_path.h"
 
 namespace huetrack::wave {
@@ -32,13 +33,24 @@ struct TimePrior {
 // -1/2..1/2 from the top row to the bottom row.
 double below_middle(const calib::Camera& camera, const Eigen::Vector2d& px);
 
+// A lens less the given one: log of the focal length (of both axes), principal point (px), and the first four
+// distortion coefficients: k1 k2 p1 p2, of a fisheye k1 k2 k3 k4.
+constexpr int lens_freedom = 7;
+using LensChange = Eigen::Matrix<double, lens_freedom, 1>;
+calib::LensParameters changed(calib::LensParameters lens, const LensChange& change);
+calib::CameraModel changed(const calib::CameraModel& lens, const LensChange& change);
+// Derivative of a pixel by the change, of that by the changed lens's parameters.
+Eigen::Matrix<double, 2, lens_freedom> by_change(const calib::PixelByLens& by_lens, const calib::LensParameters& lens);
+
 struct WaveState {
   std::vector<calib::Rigid3d> cam_from_world;
-  BallPath path;                  // in true time
-  std::vector<CameraTime> times;  // per camera; empty: global shutters without latency
+  BallPath path;                   // in true time
+  std::vector<CameraTime> times;   // per camera; empty: global shutters without latency
+  std::vector<LensChange> lenses;  // per camera; empty: as the rig says
 
   // Exposure time of the row of this pixel: stamp - latency + below_middle * readout.
   double exposed_s(const calib::CameraRig& rig, int camera, double stamp_s, const Eigen::Vector2d& px) const;
+  calib::CameraModel lens(const calib::CameraRig& rig, std::size_t camera) const;
 };
 
 // Correlation of one camera's outline errors over time, as shares of their variance; the rest is white.
@@ -47,6 +59,10 @@ struct OutlineCorrelation {
   double constant_share = 0.2;  // the same in all frames: light from one side
   double slow_share = 0.25;     // decays exponentially: background
   double slow_s = 0.4;          // > 0; time constant of the decay
+
+  // Variance of the mean of many frames, this long apart, over that of independent ones. Without the constant share,
+  // which turns the camera.
+  double frames_as_one(double frame_s) const;
 };
 
 struct WaveAdjustmentOptions {
@@ -59,6 +75,12 @@ struct WaveAdjustmentOptions {
   bool hold_poses = false;         // all poses are held: only times and path are estimated
   std::vector<TimePrior> times{};  // per camera; empty: times are held
   int time_reference = 0;          // its latency is held: a shift of all times is not observable
+  // Per camera, 1 sigma of a lens's change: what lenses are (empty: they are held), and how sure the given one is
+  // (empty: a guess). The second has a loss: a lens that the ball contradicts gives way.
+  std::vector<LensChange> any_lens_sigmas{}, given_lens_sigmas{};
+  // Per camera, OutlineCorrelation::frames_as_one(): the priors of lenses weigh so much more, as outlines count as
+  // independent.
+  std::vector<double> frames_as_one{};
   int max_iterations = 50;
   bool with_covariance = false;
   OutlineCorrelation correlation{};  // assumed by the covariance
@@ -73,9 +95,9 @@ struct WaveFit {
   double cost = 0;                         // of the whole problem, with the loss
   // Log marginal likelihood of the jerk (Laplace approximation, up to a constant). with_evidence only.
   double evidence = 0;
-  // Errors (true less found) of each camera's centre (metres) and rotation (radians), world axes; 6 x cameras square.
-  // In the gauge of `reference` and scale_a, scale_b. The solution takes outline errors as white; the covariance
-  // accounts for their correlation.
+  // Errors (true less found) of each camera's centre (metres) and rotation (radians), world axes, and after those of
+  // all cameras each lens's LensChange: (6 + lens_freedom) x cameras square. In the gauge of `reference` and scale_a,
+  // scale_b. The solution takes outline errors as white; the covariance accounts for their correlation.
   Eigen::MatrixXd covariance;
   Eigen::MatrixXd time_covariance;  // of each camera's latency and readout, seconds; 2 x cameras square
 };

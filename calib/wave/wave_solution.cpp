@@ -72,11 +72,25 @@ TimePrior time_prior(const calib::CameraTiming& timing, bool in_step) {
   return prior;
 }
 
+// 1 sigma, at 640 px of width.
+struct LensTuning {
+  double log_focal, centre_px, k1, k2, higher;
+
+  LensChange sigmas(const calib::Camera& camera) const {
+    const double px = centre_px * camera.image_size.width / 640;
+    return LensChange{{log_focal, px, px, k1, k2, higher, higher}};
+  }
+};
+// A given lens counts as nearly exact, with a loss: it moves positions by less than the wave's own error, or gives way.
+constexpr LensTuning given_lens{.log_focal = 2e-4, .centre_px = 0.1, .k1 = 1e-3, .k2 = 3e-3, .higher = 1e-4};
+// What webcams' lenses are: fields of view of 40 to 90 degrees, sensors mounted to some tenths of a millimetre.
+constexpr LensTuning any_lens{.log_focal = 0.25, .centre_px = 10, .k1 = 0.15, .k2 = 0.1, .higher = 1e-3};
+
 }  // namespace
 
 WaveSolution::WaveSolution(const calib::CameraRig& rig, const std::vector<BallFrame>& frames,
                            const WaveOptions& options)
-    : rig_(rig), frames_(&frames), options_(options), chosen_(frames.size(), -1) {
+    : given_(rig), rig_(rig), frames_(&frames), options_(options), chosen_(frames.size(), -1) {
   std::vector<std::vector<double>> times(rig.cameras.size());
   for (const BallFrame& f : *frames_) times[index(f.camera)].push_back(f.t_s);
   in_step_ = are_in_step(times);
@@ -124,7 +138,7 @@ void WaveSolution::solve(const WaveStart& start, bool any_scale) {
   o.loss = rough_robust_sigmas;
   for (int round = 0; round < 2; ++round) {
     report_progress("the poses, roughly", round);
-    fit_ = adjust_wave(rig_, observations(), state_, o);
+    adjust(o);
     associate(round == 0 ? first_sigmas : rough_sigmas);
     o.loss = robust_sigmas;
     if (any_scale) Similarity{.scale = 1 / size_ratio()}.apply(state_);
@@ -142,7 +156,7 @@ void WaveSolution::refine(int step) {
     learn_shapes();
     if (round == 1 || round == 3) learn_jerk();
     o.jerk_m_s3 = jerk_m_s3_;
-    fit_ = adjust_wave(rig_, observations(), state_, o);
+    adjust(o);
     const std::vector<int> before = chosen_;
     associate(final_sigmas);
     if (round >= 3 && chosen_ == before) break;
@@ -153,7 +167,12 @@ void WaveSolution::settle() {
   WaveAdjustmentOptions o = adjustment_options();
   o.with_covariance = true;
   o.max_iterations = 100;
-  fit_ = adjust_wave(rig_, observations(), state_, o);
+  adjust(o);
+}
+
+void WaveSolution::adjust(const WaveAdjustmentOptions& options) {
+  fit_ = adjust_wave(given_, observations(), state_, options);
+  for (std::size_t c = 0; c < rig_.cameras.size(); ++c) rig_.cameras[c].model = state_.lens(given_, c);
 }
 
 void WaveSolution::keep_half(int half) {
@@ -270,6 +289,16 @@ WaveAdjustmentOptions WaveSolution::adjustment_options() const {
   o.reference = o.scale_a;
   o.hold_poses = options_.hold_poses;
   o.wander_s = wander_s_;
+  for (std::size_t c = 0; !options_.hold_poses && c < given_.cameras.size(); ++c) {
+    const calib::Camera& camera = given_.cameras[c];
+    o.any_lens_sigmas.push_back(any_lens.sigmas(camera));
+    o.frames_as_one.push_back(o.correlation.frames_as_one(std::max(1e-3, frame_s_[c])));
+    // As for times: a wrong lens would pull everything else along.
+    if (rough_ || options_.guessed_lenses) continue;
+    LensChange& sigmas = o.given_lens_sigmas.emplace_back(given_lens.sigmas(camera));
+    // No real lens is without distortion: nothing is given.
+    if (calib::parameters_of(camera.model).tail<8>().isZero(0)) sigmas.tail<4>() = o.any_lens_sigmas.back().tail<4>();
+  }
   for (const calib::Camera& camera : rig_.cameras) o.times.push_back(time_prior(camera.timing, in_step_));
   for (std::size_t c = 0; c < o.times.size(); ++c) {
     TimePrior& prior = o.times[c];
@@ -304,7 +333,7 @@ void WaveSolution::learn_jerk() {
     o.jerk_m_s3 = jerk;
     o.max_iterations = 10;
     o.with_evidence = true;
-    return adjust_wave(rig_, seen, trial, o).evidence;
+    return adjust_wave(given_, seen, trial, o).evidence;
   };
   constexpr double step = 1.8, least = 0.3, most = 1000;  // m/s^3: from a crane to a throw
   double best = evidence_for(jerk_m_s3_);

@@ -24,7 +24,7 @@ struct WaveSteps {
                        halves = settled + 1, all = halves + 2;
 };
 
-// rig, frames and options must outlive it; frames ascend in time. thread-compatible; copies are independent.
+// frames and options must outlive it; frames ascend in time. thread-compatible; copies are independent.
 class WaveSolution {
  public:
   WaveSolution(const calib::CameraRig& rig, const std::vector<BallFrame>& frames, const WaveOptions& options);
@@ -59,6 +59,7 @@ class WaveSolution {
   Eigen::Vector3d centre(int camera) const {
     return calib::inverse(state_.cam_from_world[static_cast<std::size_t>(camera)]).translation;
   }
+  const calib::CameraModel& lens(std::size_t camera) const { return rig_.cameras[camera].model; }
   const WaveFit& fit() const { return fit_; }
   double from_s() const { return from_s_; }
   double to_s() const { return to_s_; }
@@ -80,7 +81,10 @@ class WaveSolution {
   std::optional<double> cost_of(std::size_t f, const color::ColorRegion& region) const;
   void associate(double sigmas);
 
-  const calib::CameraRig& rig_;
+  void adjust(const WaveAdjustmentOptions& options);  // with the observations as they are associated
+
+  const calib::CameraRig given_;
+  calib::CameraRig rig_;  // given_, with the lenses of state_
   const std::vector<BallFrame>* frames_;
   const WaveOptions& options_;
   std::vector<int> chosen_;      // per frame: the associated region; -1: none

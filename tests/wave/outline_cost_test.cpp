@@ -28,10 +28,11 @@ struct Blocks {
   std::array<double, 6> pose{};
   std::array<std::array<double, 3>, 4> control{};
   double latency_s = 0.004, readout_s = 0.02;
+  LensChange lens{{0.03, 4, -3, 0.05, -0.02, 0.001, -0.002}};
 
-  std::array<double*, 7> pointers() {
+  std::array<double*, 8> pointers() {
     return {pose.data(),       control[0].data(), control[1].data(), control[2].data(),
-            control[3].data(), &latency_s,        &readout_s};
+            control[3].data(), &latency_s,        &readout_s,        lens.data()};
   }
 };
 
@@ -62,15 +63,15 @@ TEST(OutlineCost, JacobiansAgreeWithDifferences) {
       const auto cost = c.cost();
       const auto blocks = c.blocks.pointers();
       const auto& sizes = cost->parameter_block_sizes();
-      std::array<std::vector<double>, 7> jacobian;
-      std::array<double*, 7> jacobians;
-      for (std::size_t b = 0; b < 7; ++b) {
+      std::array<std::vector<double>, 8> jacobian;
+      std::array<double*, 8> jacobians;
+      for (std::size_t b = 0; b < 8; ++b) {
         jacobian[b].resize(2 * static_cast<std::size_t>(sizes[b]));
         jacobians[b] = jacobian[b].data();
       }
       Vector2d residual;
       ASSERT_TRUE(cost->Evaluate(blocks.data(), residual.data(), jacobians.data()));
-      for (std::size_t b = 0; b < 7; ++b) {
+      for (std::size_t b = 0; b < 8; ++b) {
         for (int i = 0; i < sizes[b]; ++i) {
           constexpr double h = 1e-6;
           const double was = blocks[b][i];
@@ -97,7 +98,7 @@ TEST(OutlineCost, ResidualIsWhitenedPredictedMinusMeasured) {
   const BallPath::Basis basis = c.path.basis(0.52 - c.blocks.latency_s - 0.2 * c.blocks.readout_s, 5);
   Vector3d p = Vector3d::Zero();
   for (std::size_t k = 0; k < 4; ++k) p += basis.weight[k] * Eigen::Map<Vector3d>(c.blocks.control[k].data());
-  const auto px = outline_centre(c.camera.model, c.camera.cam_from_world * p, ball_m);
+  const auto px = outline_centre(changed(c.camera.model, c.blocks.lens), c.camera.cam_from_world * p, ball_m);
   ASSERT_TRUE(px);
   const Vector2d off = *px - c.observation.px;
   Vector2d residual;
@@ -110,7 +111,7 @@ TEST(OutlineCost, BallBehindTheCameraIsAnOutlierWithoutSlope) {
   c.blocks.pose[5] -= 20;  // the camera has passed it
   const auto blocks = c.blocks.pointers();
   std::array<double, 12> by_pose;
-  std::array<double*, 7> jacobians{by_pose.data()};
+  std::array<double*, 8> jacobians{by_pose.data()};
   Vector2d residual;
   ASSERT_TRUE(c.cost()->Evaluate(blocks.data(), residual.data(), jacobians.data()));
   EXPECT_GT(residual.norm(), 1e3);

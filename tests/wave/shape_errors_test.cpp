@@ -24,14 +24,14 @@ WaveState poses_of_rig(const calib::CameraRig& rig) {
 // What a motion of the whole world (turn about the origin, shift) does to centres and rotations; these are of
 // cam_from_world, which turns against it.
 Eigen::VectorXd motion_of_the_world(const calib::CameraRig& rig, const Vector3d& turn, const Vector3d& shift) {
-  Eigen::VectorXd error(6 * static_cast<Eigen::Index>(rig.cameras.size()));
+  Eigen::VectorXd error = Eigen::VectorXd::Zero((6 + lens_freedom) * static_cast<Eigen::Index>(rig.cameras.size()));
   for (std::size_t c = 0; c < rig.cameras.size(); ++c)
     error.segment<6>(6 * static_cast<Eigen::Index>(c)) << turn.cross(rig.cameras[c].centre()) + shift, -turn;
   return error;
 }
 
 Eigen::MatrixXd covariance_of(int cameras, double centre_m, double turned_rad) {
-  Eigen::VectorXd variance(6 * cameras);
+  Eigen::VectorXd variance = Eigen::VectorXd::Zero((6 + lens_freedom) * cameras);
   for (int c = 0; c < cameras; ++c)
     variance.segment<6>(6 * c) << Vector3d::Constant(centre_m * centre_m), Vector3d::Constant(turned_rad * turned_rad);
   return variance.asDiagonal();
@@ -42,7 +42,7 @@ TEST(ShapeErrors, MotionOfTheWholeWorldIsNoError) {
   const ShapeErrors shape = shape_errors(rig, poses_of_rig(rig), places_in(room));
   ASSERT_GT(shape.places, 100);
   const Eigen::VectorXd moved = motion_of_the_world(rig, {0.01, -0.02, 0.03}, {0.5, -1, 2});
-  EXPECT_LT((shape.by_poses * moved).norm(), 1e-6 * moved.norm());
+  EXPECT_LT((shape.by_errors * moved).norm(), 1e-6 * moved.norm());
   // And it is found as what is taken away: translation, then rotation.
   EXPECT_LT(
       (shape.alignment * moved - (Eigen::Matrix<double, 6, 1>() << 0.5, -1, 2, 0.01, -0.02, 0.03).finished()).norm(),
@@ -135,11 +135,11 @@ TEST(ShapeErrors, ScaleMovesCamerasAwayFromTheMiddle) {
   const calib::CameraRig rig = rig_of(3);
   const WaveState state = poses_of_rig(rig);
   const ShapeErrors shape = shape_errors(rig, state, places_in(room));
-  const auto exact = shape.uncertainty(state, Eigen::MatrixXd::Zero(18, 18), 0.01);
+  const auto exact = shape.uncertainty(rig, state, Eigen::MatrixXd::Zero(39, 39), 0.01);
   for (int c = 0; c < 3; ++c) {
     const double expected = 0.01 * (rig.cameras[static_cast<std::size_t>(c)].centre() - shape.middle).norm();
-    EXPECT_NEAR(exact.covariance().block(6 * c + 3, 6 * c + 3, 3, 3).trace(), expected * expected, 1e-8);
-    EXPECT_NEAR(exact.covariance().block(6 * c, 6 * c, 3, 3).norm(), 0, 1e-12) << "it turns none";
+    EXPECT_NEAR(exact.covariance().block(14 * c + 11, 14 * c + 11, 3, 3).trace(), expected * expected, 1e-8);
+    EXPECT_NEAR(exact.covariance().block(14 * c + 8, 14 * c + 8, 3, 3).norm(), 0, 1e-12) << "it turns none";
   }
 }
 

@@ -101,6 +101,57 @@ TEST(WaveAdjustment, FindsTheTruthFromExactOutlines) {
   }
 }
 
+// As CovarianceIsThatOfRepeatedExperiments, of lenses that start elsewhere. Their priors are as wide as not to matter.
+TEST(WaveAdjustment, LensesAreFoundWithTheirCovariance) {
+  constexpr int trials = 16;
+  LensChange wide;
+  wide << 1, 100, 100, 1, 1, 0.05, 0.05;
+  double sum = 0;
+  for (int trial = 0; trial < trials; ++trial) {
+    Problem p = problem_of({.seconds = 6, .noise_px = 0.015, .seed = static_cast<std::uint64_t>(trial + 1)});
+    LensChange off;
+    off << -0.03, 4, -3, 0.05, -0.01, 0.001, -0.001;
+    for (calib::Camera& camera : p.rig.cameras) camera.model = changed(camera.model, off);
+    p.options.any_lens_sigmas.assign(3, wide);
+    p.options.frames_as_one.assign(3, 1);
+    p.options.with_covariance = true;
+    p.state.times.resize(3);
+    const WaveFit fit = adjust_wave(p.rig, p.observations, p.state, p.options);
+    const LensChange error = -off - p.state.lenses[2];
+    const Eigen::Matrix<double, lens_freedom, lens_freedom> own =
+        fit.covariance.bottomRightCorner<lens_freedom, lens_freedom>();
+    sum += error.dot(own.ldlt().solve(error)) / lens_freedom / trials;
+  }
+  EXPECT_NEAR(sum, 1, 4 * std::sqrt(2.0 / (lens_freedom * trials)));
+}
+
+TEST(WaveAdjustment, AGivenLensGivesWayOnlyIfItIsContradicted) {
+  LensChange any, given;
+  any << 0.25, 10, 10, 0.15, 0.1, 1e-3, 1e-3;
+  given << 2e-4, 0.1, 0.1, 1e-3, 3e-3, 1e-4, 1e-4;
+  for (const double off : {0.0, 0.03}) {
+    Problem p = problem_of({.seconds = 6});
+    LensChange change = LensChange::Zero();
+    change[0] = off;
+    p.rig.cameras[1].model = changed(p.rig.cameras[1].model, change);
+    p.options.any_lens_sigmas.assign(3, any), p.options.given_lens_sigmas.assign(3, given);
+    p.options.frames_as_one.assign(3, 1);
+    adjust_wave(p.rig, p.observations, p.state, p.options);
+    EXPECT_NEAR(p.state.lenses[1][0], -off, off == 0 ? 2e-4 : 5e-3);
+    EXPECT_NEAR(p.state.lenses[2][0], 0, 4e-4);
+  }
+}
+
+// By the sum over all pairs of frames.
+TEST(WaveAdjustment, CorrelatedFramesCountAsFewer) {
+  const OutlineCorrelation correlation{.constant_share = 0.2, .slow_share = 0.25, .slow_s = 0.4};
+  constexpr int frames = 3000;
+  double sum = 0;
+  for (int i = 0; i < frames; ++i)
+    for (int k = 0; k < frames; ++k) sum += (i == k ? 0.55 : 0) + 0.25 * std::exp(-std::abs(i - k) / 30.0 / 0.4);
+  EXPECT_NEAR(correlation.frames_as_one(1 / 30.0), sum / frames, 0.05);
+}
+
 TEST(WaveAdjustment, ScaleAndReferenceStay) {
   Problem p = problem_of({});
   move_off(p.state, 0.01, 1);

@@ -68,6 +68,58 @@ TEST(Wave, CorrectsSpoiltPoses) {
   EXPECT_GT(r.expected_m, 0.00005);
 }
 
+calib::CameraRig with_lenses(calib::CameraRig rig, const std::function<void(calib::PinholeRadtan&)>& change) {
+  for (calib::Camera& camera : rig.cameras) {
+    auto lens = std::get<calib::PinholeRadtan>(camera.model.lens());
+    change(lens);
+    camera.model = calib::CameraModel(lens);
+  }
+  return rig;
+}
+
+TEST(Wave, AGivenLensThatFitsStays) {
+  const calib::CameraRig truth = rig_of(3);
+  const WaveResult r = calibrate_wave(truth, waved(truth, {.seconds = 12}), taped(truth));
+  for (const WaveCamera& camera : r.cameras) {
+    EXPECT_LT(camera.lens_px, 0.2);
+    EXPECT_LT(std::abs(camera.longer), 5e-4);
+  }
+  EXPECT_THAT(report::report_on(r).notes, testing::Not(Contains(HasSubstr("lens does not fit"))));
+}
+
+TEST(Wave, CorrectsAndNamesAWrongLens) {
+  const calib::CameraRig truth = rig_of(3);
+  calib::CameraRig given = spoilt(truth, 0.05, 1);
+  auto lens = std::get<calib::PinholeRadtan>(given.cameras[1].model.lens());
+  lens.fx *= 1.04, lens.fy *= 1.04;
+  given.cameras[1].model = calib::CameraModel(lens);
+  const WaveResult r = calibrate_wave(given, waved(truth, {.seconds = 12}), taped(truth));
+  EXPECT_NEAR(r.cameras[1].longer, 1 / 1.04 - 1, 0.004);
+  EXPECT_LT(off(r.rig, truth).metres, 0.004);
+  EXPECT_THAT(report::report_on(r).notes,
+              Contains(AllOf(StartsWith("cam1's lens does not fit"), HasSubstr("shorter"))));
+  EXPECT_LT(r.cameras[0].lens_px, 0.5);
+}
+
+// Of nothing but the size of the pictures: lenses of 60 degrees without distortion. Pixels are squares.
+TEST(Wave, FindsLensesFromNothing) {
+  for (const double focal : {320.0, 480.0, 640.0}) {
+    const auto squared = [focal](calib::PinholeRadtan& lens) { lens.fx = lens.fy = focal + lens.fx - 480; };
+    const calib::CameraRig truth = with_lenses(rig_of(3), squared);
+    const calib::CameraRig guess = with_lenses(
+        rig_of(3), [](calib::PinholeRadtan& lens) { lens = {.fx = 554, .fy = 554, .cx = 319.5, .cy = 239.5}; });
+    WaveOptions options = taped(truth);
+    options.has_poses = false, options.guessed_lenses = true;
+    const WaveResult r = calibrate_wave(guess, waved(truth, {.seconds = 16}), options);
+    for (std::size_t c = 0; c < 3; ++c) {
+      const double longer = r.rig.cameras[c].model.fx() / truth.cameras[c].model.fx() - 1;
+      EXPECT_LT(std::abs(longer), 3 * r.cameras[c].longer_sigma) << focal << ", camera " << c;
+      EXPECT_LT(r.cameras[c].longer_sigma, 0.02) << focal << ", camera " << c;
+    }
+    EXPECT_LT(off(r.rig, truth).metres, 0.03) << focal;
+  }
+}
+
 // The rig's own poses are a few centimetres off, and the tape a tenth.
 TEST(Wave, MeasuredDistanceThatContradictsTheRigIsDoubtful) {
   const calib::CameraRig truth = rig_of(3);
@@ -304,6 +356,7 @@ TEST(Wave, ReportsTimingFaults) {
       EXPECT_TRUE(is_usable(r)) << report::to_text(report, r);
       double stated = 0;
       for (const WaveCamera& camera : r.cameras) stated = std::max(stated, camera.centre_sigma_m.norm());
+      EXPECT_LT(off(r.rig, truth).metres, 1.5 * stated);
       EXPECT_LT(off(r.rig, truth).metres, 3 * stated);
     } else {
       EXPECT_THAT(report.doubts, testing::Contains(AllOf(testing::StartsWith("cam1"), HasSubstr(fault.doubt))));
