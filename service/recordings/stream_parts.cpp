@@ -61,7 +61,7 @@ std::vector<fs::path> stream_parts(const fs::path& frames) {
   if (fs::is_directory(frames, error)) {
     for (const auto& entry : fs::directory_iterator(frames, error))
       if (is_transport_stream(entry.path())) parts.push_back(entry.path());
-    std::ranges::sort(parts, files::numbers_ascend, &fs::path::native);
+    files::sort_by_numbers(parts);
   } else if (frames.string().find_first_of("*?[") != std::string::npos) {
     parts = files::files_of_glob(frames.string());
     if (!std::ranges::all_of(parts, is_transport_stream)) return {};

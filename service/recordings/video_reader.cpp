@@ -2,20 +2,18 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <deque>
 #include <fstream>
 #include <utility>
 
 #include "calib/files/config_error.h"
-#include "calib/files/file_order.h"
-#include "calib/files/number_text.h"
 #include "capture/ffmpeg/ffmpeg_log.h"
 #include "capture/ffmpeg/ffmpeg_objects.h"
 #include "capture/ffmpeg/ffmpeg_picture.h"
 #include "capture/ffmpeg/stream_decoder.h"
 #include "capture/jpeg/jpeg_reader.h"
+#include "recordings/image_series.h"
 #include "recordings/joined_parts.h"
 #include "recordings/picture_order.h"
 #include "recordings/stream_parts.h"
@@ -44,102 +42,6 @@ namespace {
 constexpr std::int64_t longest_gap_frames = 1000;  // a damaged time stamp must not create frames
 constexpr int most_warnings = 5;                   // of one kind; further ones are summed up
 
-// ---- Image files
-
-struct ImageFile {
-  std::int64_t number = 0;
-  std::filesystem::path path;
-};
-
-// The files of a printf pattern like cam0/%06d.png, by number; the pattern has exactly one %d in its last part.
-std::vector<ImageFile> files_of_pattern(const std::filesystem::path& pattern) {
-  const std::string name = pattern.filename().string();
-  const std::size_t begin = name.find('%');
-  std::size_t at = begin == std::string::npos ? name.size() : begin + 1;
-  std::size_t width = 0;
-  while (at < name.size() && name[at] >= '0' && name[at] <= '9' && width < 100)
-    width = 10 * width + static_cast<std::size_t>(name[at++] - '0');
-  if (at >= name.size() || name[at] != 'd' || name.find('%', at) != std::string::npos)
-    throw files::ConfigError(pattern, 0,
-                             "is not a pattern of image files: its last part must have one number like %06d");
-  const std::string_view prefix = std::string_view(name).substr(0, begin);
-  const std::string_view suffix = std::string_view(name).substr(at + 1);
-
-  std::vector<ImageFile> files;
-  std::error_code error;
-  for (const auto& entry : std::filesystem::directory_iterator(pattern.parent_path(), error)) {
-    const std::string file = entry.path().filename().string();
-    if (file.size() <= prefix.size() + suffix.size() || !file.starts_with(prefix) || !file.ends_with(suffix)) continue;
-    const std::string_view digits =
-        std::string_view(file).substr(prefix.size(), file.size() - prefix.size() - suffix.size());
-    // as printf writes it: zero-padded up to the width
-    if (digits.size() < width || (digits.size() > std::max<std::size_t>(width, 1) && digits.front() == '0')) continue;
-    ImageFile image{.number = 0, .path = entry.path()};
-    const auto [end, problem] = std::from_chars(digits.data(), digits.data() + digits.size(), image.number);
-    if (problem != std::errc{} || end != digits.data() + digits.size() || image.number < 0) continue;
-    files.push_back(std::move(image));
-  }
-  std::ranges::sort(files, {}, &ImageFile::number);
-  if (!files.empty())
-    for (const std::int64_t first = files.front().number; auto& file : files) file.number -= first;
-  return files;
-}
-
-std::vector<ImageFile> files_of_glob(const std::filesystem::path& pattern) {
-  std::vector<ImageFile> files;
-  for (auto& path : files::files_of_glob(pattern.string()))
-    files.push_back({.number = static_cast<std::int64_t>(files.size()), .path = std::move(path)});
-  return files;
-}
-
-// A glob counts files, so a missing one shifts the times of all that follow. The first file after a gap in numbers that
-// otherwise go up by one; nullptr: none.
-const ImageFile* after_a_gap(const std::vector<ImageFile>& files) {
-  constexpr std::string_view digits = "0123456789";
-  const ImageFile* after = nullptr;
-  std::size_t gaps = 0;
-  std::optional<std::int64_t> before;
-  for (const ImageFile& file : files) {
-    const std::string name = file.path.stem().string();
-    const std::size_t last = name.find_last_of(digits);
-    if (last == std::string::npos) return nullptr;
-    const std::size_t above = name.find_last_not_of(digits, last);
-    const std::size_t first = above == std::string::npos ? 0 : above + 1;
-    const auto number = files::number_of<std::int64_t>(name.substr(first, last + 1 - first));
-    if (!number || (before && *number <= *before)) return nullptr;
-    if (before && *number != *before + 1 && ++gaps == 1) after = &file;
-    before = number;
-  }
-  constexpr std::size_t one_in = 5;  // more gaps: numbered in steps
-  return gaps * one_in < files.size() ? after : nullptr;
-}
-
-// Cameras count to IMG_9999 and begin again: by numbers, the last pictures come first. `after`: of a gap.
-bool is_counter_begun_again(const std::vector<ImageFile>& files, const ImageFile* after) {
-  const auto digits_of = [](const ImageFile& file) {
-    const std::string name = file.path.stem().string();
-    const std::size_t above = name.find_last_not_of("0123456789");
-    return name.substr(above == std::string::npos ? 0 : above + 1);
-  };
-  if (after == nullptr) return false;
-  const std::string first = digits_of(files.front()), last = digits_of(files.back());
-  return last.size() > 1 && last.find_first_not_of('9') == std::string::npos &&
-         files::number_of<std::int64_t>(first).value_or(2) <= 1;
-}
-
-// Empty: `frames` is one file.
-std::vector<ImageFile> image_files_of(const RecordedCamera& camera) {
-  const std::string name = camera.frames.filename().string();
-  const bool is_pattern = name.find('%') != std::string::npos;
-  const bool is_glob = camera.frames.string().find_first_of("*?[") != std::string::npos;
-  std::error_code error;
-  if ((!is_pattern && !is_glob) || std::filesystem::exists(camera.frames, error)) return {};
-  auto files = is_pattern ? files_of_pattern(camera.frames) : files_of_glob(camera.frames);
-  if (files.empty())
-    throw files::ConfigError(camera.frames, 0, "no file matches this pattern (frames of camera " + camera.name + ")");
-  return files;
-}
-
 // Formats that are a film, picture or sound by themselves. Play lists (hls, concat, dash) name other files, and FFmpeg
 // would block on a pipe among them.
 constexpr const char* films =
@@ -158,7 +60,7 @@ struct VideoReader::Impl {
       : camera(c), selection(c), warnings(w), growing(std::move(g)), keeps_jpeg(keeps) {
     capture::take_over_ffmpeg_log();
     auto parts = stream_parts(c.frames);
-    if (parts.empty()) images = image_files_of(c);
+    if (parts.empty()) images = image_files_of(c, warnings);
     if (parts.empty()) parts = {images.empty() ? camera.frames : images.front().path};
     open(parts, threads);
   }
@@ -249,15 +151,6 @@ struct VideoReader::Impl {
       const bool begins_anywhere = (format->iformat->flags & AVFMT_TS_DISCONT) != 0;
       if (begins_anywhere && stream->start_time != AV_NOPTS_VALUE) clock_start = stream->start_time;
     }
-    const bool is_glob = camera.frames.filename().string().find('%') == std::string::npos;
-    const ImageFile* const after = is_glob ? after_a_gap(images) : nullptr;
-    if (is_counter_begun_again(images, after))
-      fail(camera.frames, "the numbers of the pictures begin again after " + images.back().path.filename().string() +
-                              ": by numbers the later ones would come first; rename those from " +
-                              images.front().path.filename().string() + " on, as to 10000 and so on");
-    if (after != nullptr)
-      warnings.push_back(camera.frames.string() + ": numbers are missing before " + after->path.filename().string() +
-                         ": a glob counts files; if pictures are missing there, give a pattern, like img%d.jpg");
     damaged = log.container_count() > 0;  // while finding the streams
     log.take();
     note_layout();

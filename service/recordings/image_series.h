@@ -1,0 +1,24 @@
+// The files of a series of images that `frames` names, by a printf pattern or a glob. Private to this module.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "recordings/recording.h"
+
+namespace huetrack::recordings {
+
+struct ImageFile {
+  std::int64_t number = 0;  // in the stream
+  std::filesystem::path path;
+};
+
+// In the order of capture. Empty: `frames` is one file. throws ConfigError: no file matches, or the order is not known
+std::vector<ImageFile> image_files_of(const RecordedCamera& camera, std::vector<std::string>& warnings);
+
+// What is strange about the numbers of files that are counted, not numbered, as a sentence; empty: nothing.
+std::string gap_in_numbers(const std::vector<std::filesystem::path>& files);
+
+}  // namespace huetrack::recordings
