@@ -70,7 +70,7 @@ TEST(FileOrder, AMinusThatMayBeBothIsRefused) {
 
 TEST(FileOrder, HexadecimalCountersAreOrderedByLetters) {
   std::vector<std::filesystem::path> ordered;
-  for (const char* hex : {"08", "09", "0a", "0b", "0f", "10", "11", "1a"})
+  for (const char* hex : {"08", "09", "0a", "0b", "0f", "10", "11", "12"})
     ordered.emplace_back("f" + std::string(hex) + "_x.png");
   EXPECT_EQ(sorted(ordered), ordered);
   EXPECT_TRUE(hold_an_order(ordered));
