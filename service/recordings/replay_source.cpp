@@ -90,7 +90,8 @@ class Stream {
       count_frames_from_0(options);
       judge_listed_times();
     }
-    if (camera_.fps > 0 && !camera_.trusts_times) given_rate_.emplace(camera_.fps, reader_->frame_period());
+    if ((camera_.fps > 0 || is_listed_by_others()) && !camera_.trusts_times && mistakes_.empty())
+      stated_times_.emplace(camera_, reader_->frame_period());
     if (!camera_.timestamps.empty())
       info_.expected_frames = selection_.count_below(camera_.timestamps.back().first + 1);
     else if (const auto count = reader_->frame_count())
@@ -246,6 +247,8 @@ class Stream {
       return frame;
     }
     if (!std::exchange(ended_, true)) {
+      if (stated_times_) stated_times_->end();
+      report_contradictions();
       note_listed_frames_that_never_came();
       note_left_out();
     }
@@ -266,19 +269,27 @@ class Stream {
   }
 
   std::optional<capture::Timestamp> capture_time(const Shown& picture) {
-    if (!camera_.timestamps.empty()) return camera_.timestamps[row_of(picture.index)].second + camera_.offset;
-    if (camera_.fps > 0) {
-      if (picture.stamp && given_rate_) {
-        given_rate_->see(picture.index, *picture.stamp);
-        for (std::string& problem : given_rate_->take_problems()) contradict(std::move(problem));
-      }
-      // rounded once, from the exact time
-      const long double since_start = static_cast<long double>(picture.index) * 1e9L / camera_.fps;
-      return capture::Timestamp{capture::Duration(std::llround(since_start)) + camera_.offset};
+    if (const auto stated = stated_time(picture.index)) {
+      if (picture.stamp && stated_times_) stated_times_->see(picture.index, *stated, *picture.stamp);
+      report_contradictions();
+      return *stated + camera_.offset;
     }
     if (picture.stamp) return *picture.stamp + camera_.offset;
     ++unstamped_;
     return std::nullopt;
+  }
+
+  // By the recording, before the offset; nullopt: it states none.
+  std::optional<capture::Timestamp> stated_time(std::int64_t index) const {
+    if (!camera_.timestamps.empty()) return camera_.timestamps[row_of(index)].second;
+    if (camera_.fps == 0) return std::nullopt;
+    // rounded once, from the exact time
+    return capture::Timestamp{capture::Duration(std::llround(static_cast<long double>(index) * 1e9L / camera_.fps))};
+  }
+
+  void report_contradictions() {
+    if (!stated_times_) return;
+    for (std::string& problem : stated_times_->take_problems()) contradict(std::move(problem));
   }
 
   // A table of another program or a person, for a film or pictures: our own cannot contradict its file.
@@ -289,14 +300,15 @@ class Stream {
   // Spreadsheets and other tools count from 1: then the last row is one beyond the last frame, and none is 0.
   void count_frames_from_0(const ReplayOptions& options) {
     auto& rows = camera_.timestamps;
-    if (rows.front().first < 1 || camera_.first_frame > 0 || camera_.every > 1) return;
+    if (rows.front().first < 1 || camera_.first_frame > 0) return;
     if (frame_count(options) == rows.back().first) {
       for (auto& [frame, at] : rows) --frame;
       warn(camera_.times_file.filename().string() + " counts its frames from 1, since frame " +
            std::to_string(rows.back().first + 1) + " is the last one: they are played so");
-    } else if (rows.front().first == 1) {
-      warn(camera_.times_file.filename().string() +
-           " has no row for frame 0, the first one: if it counts frames from 1, subtract 1");
+    } else if (rows.front().first == 1 && !camera_.trusts_times) {
+      contradict(camera_.times_file.filename().string() +
+                 " has no row for frame 0, the first one: if it counts frames from 1, subtract 1; if frame 0 is left "
+                 "out, add trust_times: true");
     }
   }
 
@@ -404,7 +416,7 @@ class Stream {
   std::optional<capture::Timestamp> last_stamp_;
   std::optional<std::int64_t> first_index_, last_index_;  // in the stream, of the played pictures
   std::optional<std::uint32_t> last_number_;              // Frame::sequence
-  std::optional<GivenRate> given_rate_;                   // fps beside the container's times
+  std::optional<TimesBesideFilm> stated_times_;
   std::vector<std::string> mistakes_;
   std::int64_t unstamped_ = 0, back_count_ = 0;             // left out
   std::pair<std::int64_t, capture::Timestamp> first_back_;  // index, and the time before
