@@ -16,6 +16,7 @@
 #include "capture/frames/crop.h"
 #include "capture/timing/camera_clock.h"
 #include "recordings/bag_pictures.h"
+#include "recordings/comb_watch.h"
 #include "recordings/jpeg_stream.h"
 #include "recordings/matches_reader.h"
 #include "recordings/picture_stream.h"
@@ -349,9 +350,27 @@ class Stream {
     return false;
   }
 
+  // Of pictures that hold two moments, as the recording says; what the pixels say is compared. throws ConfigError: the
+  // first picture is turned
+  void take_first_field(Shown& picture) {
+    if (!has_pixels(picture.image)) return;  // matches
+    if (camera_.first_field) {
+      if (reader_->is_turned() && info_.width == 0)
+        throw files::ConfigError(
+            camera_.frames, 0,
+            "is turned by a tag, so fields: cannot be applied to its rows (frames of camera " + camera_.name + ")");
+      picture.image = capture::first_field(picture.image, *camera_.first_field);
+      picture.jpeg = nullptr;  // of both fields
+    } else if (!reader_->is_turned()) {
+      combs_.see(picture.image);
+      if (auto problem = combs_.take_problem()) contradict(std::move(*problem));
+    }
+  }
+
   // The camera's own part of the picture. False: a later picture's format has no such part. throws ConfigError: the
   // first
   bool crop(Shown& picture) {
+    take_first_field(picture);
     if (camera_.crop) {
       const auto problem = capture::problem_of(*camera_.crop, picture.image.format, width_, height_);
       if (!problem.empty() && info_.width == 0)
@@ -393,7 +412,7 @@ class Stream {
       warn(fmt::format("{} frames have no time stamp and are left out: give fps or timestamps", unstamped_));
   }
 
-  // Times that the file contradicts: wrong, unless trust_times confirms them.
+  // What the recording says, and the file contradicts.
   void contradict(std::string text) {
     mistakes_.push_back(camera_.frames.string() + ": " + std::move(text) + " (camera " + camera_.name + ")");
     warnings_.push_back(mistakes_.back());
@@ -417,6 +436,7 @@ class Stream {
   std::optional<std::int64_t> first_index_, last_index_;  // in the stream, of the played pictures
   std::optional<std::uint32_t> last_number_;              // Frame::sequence
   std::optional<TimesBesideFilm> stated_times_;
+  CombWatch combs_;
   std::vector<std::string> mistakes_;
   std::int64_t unstamped_ = 0, back_count_ = 0;             // left out
   std::pair<std::int64_t, capture::Timestamp> first_back_;  // index, and the time before

@@ -127,6 +127,7 @@ struct VideoReader::Impl {
     if (const int e = codec.open(stream, *decoder, decoding); e < 0)
       fail(file, "its video cannot be decoded: " + capture::error_text(e));
     pictures.set_stream(*stream);
+    if (camera.first_field) pictures.keep_fields();
     const AVCodecDescriptor* properties = avcodec_descriptor_get(decoder->id);
     is_intra_only = properties && (properties->props & AV_CODEC_PROP_INTRA_ONLY) != 0;
     is_delayed = (decoder->capabilities & AV_CODEC_CAP_DELAY) != 0;

@@ -335,6 +335,29 @@ TEST_F(FieldFile, OnlyTheFirstFieldOfInterlacedFramesIsShown) {
     }
 }
 
+// Of a program that lost the tag: the second field shows another level.
+TEST_F(FieldFile, FieldsThatTheRecordingStatesArePlayed) {
+  for (const bool is_top_first : {true, false}) {
+    Clip clip{.codec = "ffv1", .fields = is_top_first ? Clip::Fields::top_first : Clip::Fields::bottom_first};
+    const auto film = write("combs.mkv", clip);
+    Recording recording;
+    recording.file = "recording.yaml";
+    recording.cameras.resize(1);
+    recording.cameras[0].name = "cam";
+    recording.cameras[0].frames = film;
+    recording.cameras[0].first_field = is_top_first ? capture::FirstField::top : capture::FirstField::bottom;
+    const std::vector<std::string> names{"cam"};
+    ReplaySource source(recording, names, {});
+    for (int k = 0; const auto frame = source.next({}); ++k)
+      for (int v = 20; v < 28; ++v)
+        EXPECT_EQ(capture::yuv_at(frame->pixels, 40, v).y, capture::level_of_frame(k)) << is_top_first << k << v;
+    EXPECT_THAT(source.take_warnings(), IsEmpty());
+    recording.cameras[0].first_field = is_top_first ? capture::FirstField::bottom : capture::FirstField::top;
+    ReplaySource other(recording, names, {});
+    EXPECT_EQ(capture::yuv_at(other.next({})->pixels, 40, 24).y, capture::level_of_frame(0) + capture::second_field);
+  }
+}
+
 TEST_F(FieldFile, PicturesAreTurnedAsTheirTagSays) {
   for (const double degrees : {90., 180., 270.}) {
     Clip clip{.codec = "mpeg4", .format = AV_PIX_FMT_YUV420P, .frames = 2};
