@@ -203,7 +203,8 @@ std::optional<Shown> BagPictures::next() {
     if (picture && picture->is_compressed) {
       const auto bytes = std::make_shared<const std::vector<std::uint8_t>>(picture->data.begin(), picture->data.end());
       image = decoder_.decode(bytes);
-      if (image && keeps_encoded_ && is_jpeg(*bytes)) shown.jpeg = bytes;
+      if (image && keeps_encoded_ && is_jpeg(*bytes) && !decoder_.turns()) shown.jpeg = bytes;
+      for (const std::string& note : decoder_.take_notes()) warn(note);
       problem_ = decoder_.take_problem() + " (format \"" + files::printable(picture->encoding) + "\")";
     } else if (picture) {
       image = raw(*message, *picture);

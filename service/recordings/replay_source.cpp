@@ -108,7 +108,7 @@ class Stream {
       if (unstamped_ > 0)
         throw files::ConfigError(recording_file, 0,
                                  "cameras." + camera_.name + ": " + camera_.frames.string() +
-                                     " has no time stamps: give fps or timestamps in a recording.yaml");
+                                     " has no time stamps: give fps or timestamps in a recording.yaml" + header_rate());
       if (is_cut_off) {
         forget();
         return;
@@ -117,6 +117,13 @@ class Stream {
                                "no frame of it can be played (frames of camera " + camera_.name + ")");
     }
     info_.first_at = waiting_.front().captured_at;
+    if (stated_times_ && !is_stamped_) stated_times_->see_header(reader_->frame_period());
+    report_contradictions();
+  }
+
+  std::string header_rate() const {
+    const double period_s = capture::seconds(reader_->frame_period());
+    return period_s > 0 ? fmt::format(" (its header says {:.4g} frames a second)", 1 / period_s) : std::string();
   }
 
   // Its file has no frame to play.
@@ -270,6 +277,7 @@ class Stream {
   }
 
   std::optional<capture::Timestamp> capture_time(const Shown& picture) {
+    is_stamped_ = is_stamped_ || picture.stamp.has_value();
     if (const auto stated = stated_time(picture.index)) {
       if (picture.stamp && stated_times_) stated_times_->see(picture.index, *stated, *picture.stamp);
       report_contradictions();
@@ -441,6 +449,7 @@ class Stream {
   std::int64_t unstamped_ = 0, back_count_ = 0;             // left out
   std::pair<std::int64_t, capture::Timestamp> first_back_;  // index, and the time before
   capture::Duration furthest_back_{0};
+  bool is_stamped_ = false;  // by its file
   bool warned_of_size_ = false;
   bool ended_ = false;
 };

@@ -14,6 +14,7 @@ namespace huetrack::recordings {
 namespace {
 
 constexpr std::string_view how_to_confirm = "trust_times: true";
+constexpr std::string_view leave_out = "leave";
 
 struct TimeUnit {
   std::string_view name;
@@ -136,6 +137,7 @@ TimesBesideFilm::TimesBesideFilm(const RecordedCamera& camera, capture::Duration
     : name_(camera.fps > 0 ? "fps" : camera.times_file.filename().string()),
       key_(camera.fps > 0 ? "fps" : "timestamps"),
       is_measured_(do_vary(listed_steps_s(camera))),
+      stated_period_s_(camera.fps > 0 ? 1 / camera.fps : seconds_a_frame(camera)),
       film_period_s_(capture::seconds(film_period)) {}
 
 void TimesBesideFilm::see(std::int64_t index, capture::Timestamp stated, capture::Timestamp stamp) {
@@ -165,11 +167,22 @@ void TimesBesideFilm::compare_rates(const Seen& picture) {
   // Some headers count empty chunks, and stamps may have a gap: both must contradict.
   const auto contradicts = [&](double s) { return std::abs(s / stated_s - 1) >= film_times.slack; };
   if (!contradicts(film_s) || (film_period_s_ > 0 && !contradicts(film_period_s_))) return;
+  report_rate(stated_s, film_s, leave_out);
+}
+
+void TimesBesideFilm::see_header(capture::Duration period) {
+  const double header_s = capture::seconds(period);
+  if (is_measured_ || !(header_s > 0) || !(stated_period_s_ > 0)) return;
+  if (std::abs(header_s / stated_period_s_ - 1) >= film_times.slack) report_rate(stated_period_s_, header_s, "correct");
+}
+
+void TimesBesideFilm::report_rate(double stated_s, double film_s, std::string_view remedy) {
   has_problem_ = true;
-  problems_.push_back(fmt::format(
-      "{0} says {1:.4g}, but the file itself {2:.4g} frames a second: if the file is right, leave {3} out; if {3} is "
-      "right (slow motion, a wrong header), add {4}",
-      name_, 1 / stated_s, 1 / film_s, key_, how_to_confirm));
+  problems_.push_back(
+      fmt::format("{0} says {1:.4g}, but the file itself {2:.4g} frames a second: if the file is right, {3} {4}{5}; if "
+                  "{4} is right "
+                  "(slow motion, a wrong header), add {6}",
+                  name_, 1 / stated_s, 1 / film_s, remedy, key_, remedy == leave_out ? " out" : "", how_to_confirm));
 }
 
 // A longer step among even ones, which the stated times do not have: all later times are wrong by the missing frames.

@@ -6,6 +6,7 @@
 #include <deque>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -30,6 +31,7 @@ class TimesBesideFilm {
  public:
   TimesBesideFilm(const RecordedCamera& camera, capture::Duration film_period);
 
+  void see_header(capture::Duration period);  // of a film without time stamps of its own; 0: it says none
   // The next picture's place in the stream, its stated time without the offset, and its time by the container.
   void see(std::int64_t index, capture::Timestamp stated, capture::Timestamp stamp);
   void end();  // after the last picture
@@ -42,11 +44,13 @@ class TimesBesideFilm {
     double stated_s, film_s;
   };
   void compare_rates(const Seen& picture);
+  void report_rate(double stated_period_s, double film_period_s, std::string_view remedy);
   void look_for_gap();
 
   std::string name_;  // of the times: "fps", or the table
   std::string key_;
-  bool is_measured_ = false;  // stated times vary
+  bool is_measured_ = false;    // stated times vary
+  double stated_period_s_ = 0;  // 0: unknown
   double film_period_s_;
   std::optional<Seen> first_;
   std::deque<Seen> recent_;

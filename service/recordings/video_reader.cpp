@@ -15,6 +15,7 @@
 #include "capture/jpeg/jpeg_reader.h"
 #include "recordings/image_series.h"
 #include "recordings/joined_parts.h"
+#include "recordings/picture_decoder.h"
 #include "recordings/picture_order.h"
 #include "recordings/stream_parts.h"
 
@@ -336,6 +337,7 @@ struct VideoReader::Impl {
     if (packet->size == 0) return result;  // would signal the end to the decoder
     const AVCodecID kind = codec.codec().codec_id;
     if (kind == AV_CODEC_ID_MJPEG && decode_jpeg(result)) return result;
+    if (kind == AV_CODEC_ID_TIFF) return {.image = tiff_of({packet->data, static_cast<std::size_t>(packet->size)})};
     const int errors_before = log.count();
     int error = codec.send(packet.get());
     while (error == 0) {
@@ -344,8 +346,8 @@ struct VideoReader::Impl {
       if (error == 0 && !result.image) result.image = image_from(std::move(frame));
     }
     result.is_hidden = error == AVERROR(EAGAIN) && (kind == AV_CODEC_ID_VP8 || kind == AV_CODEC_ID_VP9);
-    // These report damaged slices and strips only in the log, and show what was there before instead.
-    const bool is_patched = (kind == AV_CODEC_ID_FFV1 || kind == AV_CODEC_ID_TIFF) && log.count() > errors_before;
+    // It reports damaged slices only in the log, and shows what was there before instead.
+    const bool is_patched = kind == AV_CODEC_ID_FFV1 && log.count() > errors_before;
     if ((error != AVERROR(EAGAIN) && error != AVERROR_EOF) || is_patched) result.image.reset();
     return result;
   }
@@ -364,9 +366,8 @@ struct VideoReader::Impl {
       return false;
     if (!decoded.image) return true;
     if (stored.color_range == AVCOL_RANGE_MPEG) decoded.image->range = capture::ColorRange::limited;
-    const auto own = images.empty() ? std::nullopt
-                                    : capture::exif_orientation({packet->data, static_cast<std::size_t>(packet->size)});
-    result.image = pictures.upright(*decoded.image, own);
+    result.image = pictures.upright(*decoded.image,
+                                    capture::exif_orientation({packet->data, static_cast<std::size_t>(packet->size)}));
     // A turned picture's bytes are those of another one.
     if (keeps_jpeg && result.image->planes[0].data == decoded.image->planes[0].data) jpeg_bytes = std::move(bytes);
     return true;
@@ -607,7 +608,8 @@ std::optional<std::int64_t> VideoReader::frame_count() const {
 
 capture::Duration VideoReader::frame_period() const {
   if (!impl_->stream) return capture::Duration::zero();
-  const double rate = av_q2d(impl_->stream->avg_frame_rate);
+  // Without a container the pictures' own headers may say it, after the first one.
+  const double rate = av_q2d(impl_->has_stamps ? impl_->stream->avg_frame_rate : impl_->codec.codec().framerate);
   return rate > 0 && std::isfinite(rate) ? capture::duration_of(1 / rate) : capture::Duration::zero();
 }
 
