@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -36,6 +37,8 @@ class BagPictures final : public PictureStream {
  private:
   std::optional<capture::Image> raw(const bags::BagMessage& message, const bags::PictureMessage& picture);
   void measure_period();
+  std::int64_t time_of(const bags::BagMessage& message) const;
+  std::optional<bags::BagMessage> next_by_time();
   void warn(const std::string& text);
 
   const RecordedCamera& camera_;
@@ -43,6 +46,7 @@ class BagPictures final : public PictureStream {
   std::vector<std::string>& warnings_;
   bool keeps_encoded_;
   bags::TopicReader messages_;
+  std::multimap<std::int64_t, bags::BagMessage> waiting_;  // by time
   capture::Duration period_{0};
   std::int64_t index_ = 0;
   std::int64_t lost_ = 0;    // frames that do not decode

@@ -123,8 +123,8 @@ std::vector<ImageFile> files_of_glob(const RecordedCamera& camera, std::vector<s
                                  " and " + paths.back().filename().string() +
                                  ": number them in the order in which they were taken (frames of camera " +
                                  camera.name + ")");
-  if (const std::string gap = gap_in_numbers(paths); !gap.empty())
-    warnings.push_back(camera.frames.string() + ": " + gap +
+  if (const auto after = after_a_gap(paths))
+    warnings.push_back(camera.frames.string() + ": numbers are missing before " + paths[*after].filename().string() +
                        ": a glob counts files; if pictures are missing there, give a pattern, like img%d.jpg");
   std::vector<ImageFile> files;
   for (const fs::path& path : paths) files.push_back({static_cast<std::int64_t>(files.size()), path});
@@ -132,11 +132,6 @@ std::vector<ImageFile> files_of_glob(const RecordedCamera& camera, std::vector<s
 }
 
 }  // namespace
-
-std::string gap_in_numbers(const std::vector<fs::path>& files) {
-  const auto after = after_a_gap(files);
-  return after ? "numbers are missing before " + files[*after].filename().string() : std::string();
-}
 
 std::vector<ImageFile> image_files_of(const RecordedCamera& camera, std::vector<std::string>& warnings) {
   const bool is_pattern = camera.frames.filename().string().find('%') != std::string::npos;

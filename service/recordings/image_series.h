@@ -18,7 +18,4 @@ struct ImageFile {
 // In the order of capture. Empty: `frames` is one file. throws ConfigError: no file matches, or the order is not known
 std::vector<ImageFile> image_files_of(const RecordedCamera& camera, std::vector<std::string>& warnings);
 
-// What is strange about the numbers of files that are counted, not numbered, as a sentence; empty: nothing.
-std::string gap_in_numbers(const std::vector<std::filesystem::path>& files);
-
 }  // namespace huetrack::recordings

@@ -54,6 +54,24 @@ std::unique_ptr<PictureStream> reader_of(const RecordedCamera& camera, const Rep
   return std::make_unique<VideoReader>(camera, options.decoder_threads, warnings, std::nullopt, options.keeps_encoded);
 }
 
+// Coded grey is grey up to rounding; sampled, as a region of a target is larger.
+bool is_grey(const capture::Image& image) {
+  constexpr int step_px = 3, rounding = 6;  // levels of 255: a target's colour differs by some 20
+  if (image.format == capture::PixelFormat::grey) return true;
+  capture::require_all(image);
+  for (int v = 0; v < image.height; v += step_px)
+    for (int u = 0; u < image.width; u += step_px) {
+      if (image.format == capture::PixelFormat::bgr) {
+        const auto [b, g, r] = capture::bgr_at(image, u, v);
+        if (std::max({b, g, r}) - std::min({b, g, r}) > rounding) return false;
+      } else {
+        const auto yuv = capture::yuv_at(image, u, v);
+        if (std::max(std::abs(yuv.u - 128), std::abs(yuv.v - 128)) > rounding) return false;
+      }
+    }
+  return true;
+}
+
 // One camera's file as frames with times and numbers.
 class Stream {
  public:
@@ -248,6 +266,8 @@ class Stream {
       }
       if (picture->image.width > 0 && has_the_size(*picture) && crop(*picture)) {
         frame.status = capture::FrameStatus::ok;
+        has_color_ = has_color_ || picture->matches || !is_grey(picture->image);
+        info_.is_grey = !has_color_;
         frame.pixels = std::move(picture->image);
         frame.encoded = std::move(picture->jpeg);
         frame.matches = std::move(picture->matches);
@@ -413,9 +433,10 @@ class Stream {
   void note_left_out() {
     if (back_count_ > 0)
       warn(fmt::format(
-          "its time stamps go back, first at frame {} (at {:.3f} s), by up to {:.3f} s: {} frames are left "
-          "out. If the pictures are in order, give fps or timestamps",
-          first_back_.first, capture::seconds(first_back_.second), capture::seconds(furthest_back_), back_count_));
+          "its time stamps go back, first at frame {} (at {:.3f} s), by up to {:.3f} s: {} frames are left out. {}",
+          first_back_.first, capture::seconds(first_back_.second), capture::seconds(furthest_back_), back_count_,
+          camera_.topic.empty() ? "If the pictures are in order, give fps or timestamps"
+                                : "Sort the bag's messages by time (`mcap sort`)"));
     if (unstamped_ > 0 && last_stamp_)
       warn(fmt::format("{} frames have no time stamp and are left out: give fps or timestamps", unstamped_));
   }
@@ -450,6 +471,7 @@ class Stream {
   std::pair<std::int64_t, capture::Timestamp> first_back_;  // index, and the time before
   capture::Duration furthest_back_{0};
   bool is_stamped_ = false;  // by its file
+  bool has_color_ = false;   // a picture so far
   bool warned_of_size_ = false;
   bool ended_ = false;
 };

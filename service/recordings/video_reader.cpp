@@ -60,7 +60,7 @@ struct VideoReader::Impl {
   Impl(const RecordedCamera& c, int threads, std::vector<std::string>& w, std::optional<std::stop_token> g, bool keeps)
       : camera(c), selection(c), warnings(w), growing(std::move(g)), keeps_jpeg(keeps) {
     capture::take_over_ffmpeg_log();
-    auto parts = stream_parts(c.frames);
+    auto parts = stream_parts(c.frames, warnings);
     if (parts.empty()) images = image_files_of(c, warnings);
     if (parts.empty()) parts = {images.empty() ? camera.frames : images.front().path};
     open(parts, threads);
@@ -247,7 +247,7 @@ struct VideoReader::Impl {
       return;
     }
     if (packet->stream_index == stream->index) {
-      ++packets;
+      if (++packets == 1) find_decoding_delay();
       if (is_damaged || (packet->flags & AV_PKT_FLAG_CORRUPT) != 0) {
         warn(damage_warnings, "is damaged near frame " + std::to_string(index) + log.take());
         damaged = true;
@@ -261,6 +261,13 @@ struct VideoReader::Impl {
         decode_immediate();
     }
     av_packet_unref(packet.get());
+  }
+
+  // Where B frames are decoded before they are shown, a container whose times of decoding begin at 0 (fragmented MP4,
+  // FLV) has the first picture later, unless an edit list takes that out.
+  void find_decoding_delay() {
+    if (!clock_start && packet->dts == 0 && stream->codecpar->video_delay > 0 && stream->start_time != AV_NOPTS_VALUE)
+      decoding_delay = std::max<std::int64_t>(0, stream->start_time);
   }
 
   // An AVI's only time stamps are chunk numbers, and FFmpeg counts only chunks that it finds. The index has the right
@@ -508,7 +515,7 @@ struct VideoReader::Impl {
       warn(lost_warnings, "frame " + std::to_string(number) + " does not decode" + log.take());
     Shown picture{.index = number, .stamp = {}, .image = image ? std::move(*image) : capture::Image{}};
     if (picture.image.width > 0) picture.jpeg = std::exchange(jpeg_bytes, nullptr);
-    if (pts) picture.stamp = capture::Timestamp{duration_of_ticks(*pts - clock_start.value_or(0))};
+    if (pts) picture.stamp = capture::Timestamp{duration_of_ticks(*pts - clock_start.value_or(decoding_delay))};
     ready.push_back(std::move(picture));
   }
 
@@ -562,6 +569,7 @@ struct VideoReader::Impl {
   int next_avi_entry = 0;
   std::int64_t delay_chunks = 0;            // of an AVI, after its first picture
   std::optional<std::int64_t> clock_start;  // ticks; of a container whose clock does not start at 0
+  std::int64_t decoding_delay = 0;          // ticks, before the first picture
   bool is_intra_only = false;
   bool is_delayed = false;
   bool is_avi = false;

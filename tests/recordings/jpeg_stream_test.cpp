@@ -178,6 +178,23 @@ TEST_F(FilesOfCameras, PartsThatWereWrittenSeparatelyAreOneFilm) {
   }
 }
 
+TEST_F(FilesOfCameras, AMissingPartIsNamedAndTheOthersKeepTheirTimes) {
+  capture::Clip clip{.codec = "mpeg2video", .format = AV_PIX_FMT_YUV420P, .fps = 25, .key_frame_every = 6};
+  clip.frames = 18;
+  for (const int part : {0, 2}) {
+    clip.tamper = [&](int k, AVPacket& packet) {
+      packet.pts += 10, packet.dts += 10;
+      return k / 6 == part;
+    };
+    capture::write_clip(folder / "film" / (std::to_string(part) + ".ts"), clip);
+  }
+  const Played played = play("frames: film");
+  EXPECT_THAT(played.shown, ElementsAre(0, 1, 2, 3, 4, 5, 12, 13, 14, 15, 16, 17));
+  EXPECT_NEAR(capture::seconds(played.at.back()), 17 / 25., 1e-4);
+  EXPECT_THAT(played.warnings,
+              ElementsAre(AllOf(HasSubstr("2.ts: begins 0.24 s after 0.ts ends"), HasSubstr("a part is missing"))));
+}
+
 // As action cameras write them.
 TEST_F(FilesOfCameras, ChaptersInOtherContainersMustBeJoined) {
   for (int part = 0; part < 2; ++part)

@@ -155,6 +155,37 @@ TEST_F(FieldFile, AnAviMayHaveAnEmptyChunkAfterEveryPicture) {
   }
 }
 
+// FLV stores times of decoding from 0 on, and MP4 without an edit list.
+TEST_F(FieldFile, TheDelayOfDecodingIsNoTime) {
+  for (const std::string file : {"a.flv", "a.mp4", "a.mkv", "a.ts", "a.avi"}) {
+    const FieldPlay played = play_field(write(file, with_b_frames("libx264")));
+    EXPECT_EQ(played.shown, numbers_to(18)) << file;
+    expect_even_times(played);
+    EXPECT_NEAR(played.at_frames.front(), 0, 0.03) << file;
+  }
+  Clip later = with_b_frames("libx264");  // one of another clock
+  later.tamper = [](int, AVPacket& packet) {
+    packet.pts += 5, packet.dts += 5;
+    return true;
+  };
+  EXPECT_NEAR(play_field(write("later.flv", later)).at_frames.front(), 5, 0.03);
+}
+
+TEST_F(FieldFile, GreyFilmsAreKnown) {
+  for (const bool is_grey : {true, false}) {
+    const Clip clip{.codec = "ffv1", .format = is_grey ? AV_PIX_FMT_GRAY8 : AV_PIX_FMT_YUV422P};
+    Recording recording;
+    recording.cameras.resize(1);
+    recording.cameras[0].name = "cam";
+    recording.cameras[0].frames = write("a.mkv", clip);
+    const std::vector<std::string> names{"cam"};
+    ReplaySource source(recording, names, {});
+    while (source.next({})) {
+    }
+    EXPECT_EQ(source.cameras()[0].is_grey, is_grey);
+  }
+}
+
 TEST_F(FieldFile, StampsInTheOrderOfDecodingAreNamedAndPutInOrder) {
   for (const std::string file : {"a.mkv", "a.mp4", "a.mov", "a.ts"})
     for (const std::string codec : {"mpeg4", "libx264"}) {
