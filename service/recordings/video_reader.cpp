@@ -254,6 +254,7 @@ struct VideoReader::Impl {
         lost_reference(sent_key);
       }
       stamp_from_avi_index();
+      use_times_of_decoding();
       if (!has_stamps) packet->pts = packet->dts = AV_NOPTS_VALUE;
       if (is_delayed)
         decode_delayed();
@@ -261,6 +262,15 @@ struct VideoReader::Impl {
         decode_immediate();
     }
     av_packet_unref(packet.get());
+  }
+
+  // ASF with B frames has no others: in ascending order they are those of showing, as an AVI's.
+  void use_times_of_decoding() {
+    if (packets == 1 && packet->pts == AV_NOPTS_VALUE && packet->dts != AV_NOPTS_VALUE && has_stamps) {
+      has_only_times_of_decoding = true;
+      order.count_packets();
+    }
+    if (has_only_times_of_decoding) packet->pts = packet->dts;
   }
 
   // Where B frames are decoded before they are shown, a container whose times of decoding begin at 0 (fragmented MP4,
@@ -531,7 +541,8 @@ struct VideoReader::Impl {
       return false;
     const double second = av_q2d(av_inv_q(stream->time_base));
     const double end = static_cast<double>(format->duration) / AV_TIME_BASE * second;  // from 0 on, in these headers
-    return static_cast<double>(*last_pts) + 2.5 * *ticks < end;
+    const std::int64_t before_0 = std::min<std::int64_t>(0, clock_start.value_or(0));  // a clock that has wrapped
+    return static_cast<double>(*last_pts - before_0) + 2.5 * *ticks < end;
   }
 
   std::optional<std::int64_t> frame_count() const {
@@ -574,6 +585,7 @@ struct VideoReader::Impl {
   bool is_delayed = false;
   bool is_avi = false;
   bool has_stamps = true;
+  bool has_only_times_of_decoding = false;
   bool warned_of_order = false;
   std::int64_t packets = 0;                            // read
   std::int64_t listed_packets = 0, listed_frames = 0;  // by the file's index or header; 0: unknown

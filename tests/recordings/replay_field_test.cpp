@@ -157,7 +157,7 @@ TEST_F(FieldFile, AnAviMayHaveAnEmptyChunkAfterEveryPicture) {
 
 // FLV stores times of decoding from 0 on, and MP4 without an edit list.
 TEST_F(FieldFile, TheDelayOfDecodingIsNoTime) {
-  for (const std::string file : {"a.flv", "a.mp4", "a.mkv", "a.ts", "a.avi"}) {
+  for (const std::string file : {"a.flv", "a.mp4", "a.mkv", "a.ts", "a.avi", "a.wmv"}) {
     const FieldPlay played = play_field(write(file, with_b_frames("libx264")));
     EXPECT_EQ(played.shown, numbers_to(18)) << file;
     expect_even_times(played);
