@@ -11,8 +11,8 @@ struct CombTuning {
   int moving = 20;          // levels, from one picture to the next: four times the noise of a webcam
   // Pixels. In noise the ratio of so many scatters by 0.05: a film is never taken for combs.
   std::int64_t enough = 400;
-  double combed = 1.2;            // ratio(): between noise (1) and the weakest combs of ours (1.27)
-  std::int64_t settled = 20'000;  // pixels, after which a film is progressive: two balls' outlines in 50 pictures
+  double combed = 1.2;           // ratio(): between noise (1) and the weakest combs of ours (1.27)
+  std::int64_t settled = 4'000;  // pixels, after which a film is progressive: ten times the least evidence
 };
 constexpr CombTuning tuning{};
 

@@ -176,6 +176,14 @@ TEST_F(FieldCases, TimesThatTheFilesContradictAreNamed) {
   EXPECT_THAT(played("fps: 25, trust_times: true").text, Not(HasSubstr("fps says")));
 }
 
+TEST_F(FieldCases, GreyPicturesAreTheReasonThatNothingIsTracked) {
+  for (int k = 0; k < 30; ++k)
+    std::ofstream(folder_ / (std::to_string(k) + ".pgm")) << "P5\n320 240\n255\n" << std::string(320 * 240, char(90));
+  const Replayed grey = replay({recording("frames: '%d.pgm', fps: 30", "frames: '%d.pgm', fps: 30")});
+  EXPECT_THAT(grey.text, AllOf(HasSubstr("never tracking"), HasSubstr("the pictures of all cameras are grey"),
+                               Not(HasSubstr("widen its colour"))));
+}
+
 TEST_F(FieldCases, TruthsAreReadOrNamed) {
   const auto with = [&](const std::string& table, const std::string& offset) {
     return replay({recording("frames: " + file("badsei/badsei0.mp4") + ", fps: 30, offset_s: " + offset,
