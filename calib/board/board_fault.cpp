@@ -158,10 +158,11 @@ std::string other_chessboard(const Board& board, const cv::Mat& image) {
     const int a = std::max(i1 - i0, j1 - j0) + 1, b = std::min(i1 - i0, j1 - j0) + 1;
     if (static_cast<int>(lattices.front().nodes.size()) < a * b || b < 3) continue;
     if (a == std::max(board.columns, board.rows) && b == std::min(board.columns, board.rows)) continue;
+    const bool is_wide = board.columns >= board.rows;  // as the file has it: pictures do not show which side is which
     return fmt::format(
-        "a chessboard of {}x{} inner corners is in them: is inner_corners right? (it counts the points where squares "
-        "meet, not squares)",
-        a, b);
+        "a chessboard of {0}x{1} inner corners is in them: is inner_corners right? (it counts the points where squares "
+        "meet, not squares: [{0}, {1}])",
+        is_wide ? a : b, is_wide ? b : a);
   }
   return {};
 }

@@ -127,6 +127,14 @@ std::vector<Value> documents_of(const std::filesystem::path& file) {
     throw files::ConfigError(file, 0,
                              "is a binary file (of MATLAB, NumPy, pickle or the like): write its camera matrix, "
                              "distortion and image size as YAML or JSON");
+  for (const std::string_view list : {"# Camera list with one line of data per camera", "# Image list with two lines"})
+    if (text.starts_with(list))
+      throw files::ConfigError(
+          file, 0,
+          "is a table of COLMAP (cameras.txt, images.txt), which is not read: write its cameras as OpenCV's YAML or "
+          "JSON: K1, K2, ... with fx, fy, cx - 0.5, cy - 0.5 (COLMAP counts pixels from the corner of the first one), "
+          "D1, ... with k1, k2, p1, p2, image_size, and R1, T1, ... of images.txt (quaternion w, x, y, z; the lengths "
+          "have no unit)");
   const auto first = text.find_first_not_of(" \t\r\n\xef\xbb\xbf");
   std::vector<Value> documents;
   if (is_toml)

@@ -3,14 +3,26 @@
 #include <glob.h>
 
 #include <algorithm>
+#include <cstdlib>
+#include <map>
+#include <optional>
+#include <set>
+
+#include "calib/files/config_error.h"
 
 namespace huetrack::files {
 namespace {
+
+namespace fs = std::filesystem;
 
 constexpr std::string_view digits = "0123456789";
 
 std::size_t end_of_number(std::string_view text, std::size_t from) {
   return std::min(text.find_first_not_of(digits, from), text.size());
+}
+
+bool is_digit(std::string_view text, std::size_t at) {
+  return at < text.size() && digits.find(text[at]) != std::string_view::npos;
 }
 
 bool is_letter(char c) {
@@ -38,42 +50,213 @@ std::string_view without_extension(std::string_view path) {
   return is_extension ? path.substr(0, point) : path;
 }
 
+// A + or - that may be a sign: a number follows, and none ends before it, as in 2026-11-28.
+bool may_be_sign(std::string_view text, std::size_t at) {
+  return (text[at] == '-' || text[at] == '+') && is_digit(text, at + 1) && (at == 0 || !is_digit(text, at - 1));
+}
+
+struct Number {
+  bool is_negative = false;
+  std::string_view whole = {};                    // without leading zeros
+  std::optional<std::string_view> fraction = {};  // digits after the point
+  std::size_t end = 0;
+
+  double value() const {
+    const std::string text = std::string(whole.empty() ? "0" : whole) + "." + std::string(fraction.value_or("0"));
+    return (is_negative ? -1 : 1) * std::strtod(text.c_str(), nullptr);
+  }
+};
+
+Number unsigned_number_at(std::string_view text, std::size_t at) {
+  Number number{.end = end_of_number(text, at)};
+  number.whole = text.substr(at, number.end - at);
+  number.whole.remove_prefix(std::min(number.whole.find_first_not_of('0'), number.whole.size()));
+  if (number.end < text.size() && text[number.end] == '.' && is_digit(text, number.end + 1) &&
+      is_fraction(text, number.end + 1)) {
+    const std::size_t begin = number.end + 1;
+    number.end = end_of_number(text, begin);
+    number.fraction = text.substr(begin, number.end - begin);
+  }
+  return number;
+}
+
+// < 0: a comes first
+int compare(const Number& a, const Number& b) {
+  if (a.is_negative != b.is_negative) return a.is_negative ? -1 : 1;
+  const int toward_later = a.is_negative ? -1 : 1;
+  if (a.whole.size() != b.whole.size()) return a.whole.size() < b.whole.size() ? -toward_later : toward_later;
+  if (const int c = a.whole.compare(b.whole); c != 0) return c < 0 ? -toward_later : toward_later;
+  const int c = a.fraction.value_or("").compare(b.fraction.value_or(""));
+  return c < 0 ? -toward_later : c > 0 ? toward_later : 0;
+}
+
+// The text between the numbers, which are #.
+std::string skeleton_of(std::string_view text) {
+  std::string skeleton;
+  for (std::size_t at = 0; at < text.size(); ++at)
+    if (!is_digit(text, at))
+      skeleton += text[at];
+    else if (!is_digit(text, at + 1))
+      skeleton += '#';
+  return skeleton;
+}
+
+// How the names of one series are read.
+class NameOrder {
+ public:
+  NameOrder() = default;
+  // throws ConfigError: a "-" may be a sign or a separator
+  explicit NameOrder(const std::vector<fs::path>& files) {
+    find_signs(files);
+    is_hexadecimal_ = are_hexadecimal(files);
+  }
+
+  bool operator()(std::string_view path_a, std::string_view path_b) const {
+    std::string_view a = without_extension(path_a), b = without_extension(path_b);
+    if (a == b) a = path_a, b = path_b;
+    if (is_hexadecimal_) return a < b;
+    std::size_t i = 0, j = 0;
+    while (i < a.size() && j < b.size()) {
+      const auto x = number_at(a, i), y = number_at(b, j);
+      if (!x || !y) {
+        if (a[i] != b[j]) return a[i] < b[j];
+        ++i, ++j;
+        continue;
+      }
+      if (const int c = compare(*x, *y); c != 0) return c < 0;
+      i = x->end, j = y->end;
+    }
+    const std::size_t rest_a = a.size() - i, rest_b = b.size() - j;
+    return rest_a != rest_b ? rest_a < rest_b : a < b;
+  }
+
+  std::optional<Number> number_at(std::string_view text, std::size_t at) const {
+    if (is_digit(text, at)) return unsigned_number_at(text, at);
+    if (!may_be_sign(text, at) || signed_.empty() || !signed_.contains(skeleton_of(text.substr(0, at))))
+      return std::nullopt;
+    Number number = unsigned_number_at(text, at + 1);
+    number.is_negative = text[at] == '-';
+    return number;
+  }
+
+  bool is_hexadecimal() const { return is_hexadecimal_; }
+
+ private:
+  // As a separator, every name has it: then none has the number directly behind the same text, or behind a +.
+  void find_signs(const std::vector<fs::path>& files) {
+    struct Seen {
+      std::set<double> values;
+      const fs::path* negative = nullptr;
+    };
+    std::map<std::string, Seen> places;  // by the text before the number
+    for (const fs::path& file : files) {
+      const std::string_view name = without_extension(file.native());
+      for (std::size_t at = 0; at < name.size(); ++at) {
+        const bool has_sign = may_be_sign(name, at);
+        if (!has_sign && !(is_digit(name, at) && (at == 0 || !is_digit(name, at - 1)))) continue;
+        Number number = unsigned_number_at(name, has_sign ? at + 1 : at);
+        number.is_negative = has_sign && name[at] == '-';
+        Seen& seen = places[skeleton_of(name.substr(0, at))];
+        seen.values.insert(number.value());
+        if (number.is_negative) seen.negative = &file;
+      }
+    }
+    for (const auto& [text, seen] : places) {
+      if (seen.negative == nullptr || *seen.values.rbegin() < 0) continue;
+      if (!goes_on_across_zero(seen.values))
+        throw ConfigError(*seen.negative, 0,
+                          "has a - before its number, which other names do not have, and the numbers do not go on from "
+                          "the negative to the positive ones: it may be a sign or a separator, so the order is not "
+                          "known: rename the files, or give those of one kind only");
+      signed_.insert(text);
+    }
+  }
+
+  // No number has its place between the last negative one and the first that is not.
+  static bool goes_on_across_zero(const std::set<double>& values) {
+    std::vector<double> steps;
+    double across = 0;
+    for (auto before = values.begin(), value = std::next(before); value != values.end(); before = value++)
+      (*before < 0 && *value >= 0 ? across : steps.emplace_back()) = *value - *before;
+    if (steps.empty()) return true;
+    const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
+    std::ranges::nth_element(steps, middle);
+    return across < 2 * *middle;
+  }
+
+  // Hexadecimal counters of a fixed width, which letters order: names that differ only there, and nearly all of whose
+  // numbers are there.
+  static bool are_hexadecimal(const std::vector<fs::path>& files) {
+    if (files.size() < 2) return false;
+    const std::string_view first = without_extension(files.front().native());
+    std::size_t begin = first.size(), end = 0;  // where they differ
+    for (const fs::path& file : files) {
+      const std::string_view name = without_extension(file.native());
+      if (name.size() != first.size()) return false;
+      for (std::size_t at = 0; at < first.size(); ++at)
+        if (name[at] != first[at]) begin = std::min(begin, at), end = std::max(end, at + 1);
+    }
+    constexpr std::size_t longest = 16;  // of 64 bits
+    bool has_letters = false;
+    std::uint64_t least = ~std::uint64_t{0}, most = 0;
+    for (const fs::path& file : files) {
+      const std::string part(without_extension(file.native()).substr(begin, end - begin));
+      if (part.size() > longest || part.find_first_not_of("0123456789abcdefABCDEF") != std::string::npos) return false;
+      has_letters = has_letters || part.find_first_not_of(digits) != std::string::npos;
+      const std::uint64_t value = std::strtoull(part.c_str(), nullptr, 16);
+      least = std::min(least, value), most = std::max(most, value);
+    }
+    return has_letters && most - least < 2 * files.size();
+  }
+
+  std::set<std::string> signed_;  // texts before a number with a sign
+  bool is_hexadecimal_ = false;
+};
+
 }  // namespace
 
 bool numbers_ascend(std::string_view path_a, std::string_view path_b) {
-  std::string_view a = without_extension(path_a), b = without_extension(path_b);
-  if (a == b) a = path_a, b = path_b;
-  std::size_t i = 0, j = 0;
-  const auto is_digit = [](std::string_view text, std::size_t at) {
-    return at < text.size() && digits.find(text[at]) != std::string_view::npos;
-  };
-  while (i < a.size() && j < b.size()) {
-    if (!is_digit(a, i) || !is_digit(b, j)) {
-      if (a[i] != b[j]) return a[i] < b[j];
-      ++i, ++j;
-      continue;
-    }
-    std::string_view x = a.substr(i, end_of_number(a, i) - i), y = b.substr(j, end_of_number(b, j) - j);
-    const bool is_whole = !is_fraction(a, i) || !is_fraction(b, j);
-    i += x.size(), j += y.size();
-    if (is_whole) {  // leading zeros count nothing
-      x.remove_prefix(std::min(x.find_first_not_of('0'), x.size()));
-      y.remove_prefix(std::min(y.find_first_not_of('0'), y.size()));
-      if (x.size() != y.size()) return x.size() < y.size();
-    }
-    if (x != y) return x < y;
-  }
-  const std::size_t rest_a = a.size() - i, rest_b = b.size() - j;
-  return rest_a != rest_b ? rest_a < rest_b : a < b;
+  return NameOrder()(path_a, path_b);
 }
 
-std::vector<std::filesystem::path> files_of_glob(const std::string& pattern) {
-  std::vector<std::filesystem::path> found;
+void sort_by_numbers(std::vector<fs::path>& files) {
+  const NameOrder order(files);
+  std::ranges::sort(files, [&](const fs::path& a, const fs::path& b) { return order(a.native(), b.native()); });
+}
+
+bool hold_an_order(const std::vector<fs::path>& files) {
+  const NameOrder order(files);
+  if (files.size() < 3 || order.is_hexadecimal()) return true;
+  const std::string_view first = without_extension(files.front().native());
+  std::string common = skeleton_of(first);
+  std::set<std::string> skeletons;
+  for (const fs::path& file : files) {
+    const std::string skeleton = skeleton_of(without_extension(file.native()));
+    common.resize(static_cast<std::size_t>(std::ranges::mismatch(common, skeleton).in1 - common.begin()));
+    skeletons.insert(skeleton);
+  }
+  std::set<std::vector<double>> places;  // by the numbers in the text that all have
+  for (const fs::path& file : files) {
+    const std::string_view name = without_extension(file.native());
+    std::vector<double> numbers;
+    for (std::size_t at = 0, count = std::size_t(std::ranges::count(common, '#')); numbers.size() < count; ++at)
+      if (is_digit(name, at)) {
+        const std::size_t end = end_of_number(name, at);
+        numbers.push_back(std::strtod(std::string(name.substr(at, end - at)).c_str(), nullptr));
+        at = end;
+      }
+    places.insert(std::move(numbers));
+  }
+  return 2 * skeletons.size() <= files.size() || 2 * places.size() > files.size();
+}
+
+std::vector<fs::path> files_of_glob(const std::string& pattern) {
+  std::vector<fs::path> found;
   glob_t matches{};
   if (::glob(pattern.c_str(), 0, nullptr, &matches) == 0)
     found.assign(matches.gl_pathv, matches.gl_pathv + matches.gl_pathc);
   ::globfree(&matches);
-  std::ranges::sort(found, [](const auto& a, const auto& b) { return numbers_ascend(a.native(), b.native()); });
+  sort_by_numbers(found);
   return found;
 }
 

@@ -12,7 +12,15 @@ namespace huetrack::files {
 // Names compare without their extensions: pic.jpg before "pic (1).jpg".
 bool numbers_ascend(std::string_view a, std::string_view b);
 
-// The files that match a glob (*, ?, [...]), in that order; empty: none.
+// The names of one series in that order. A - before a number is a sign where other names have the number without it
+// (frame-60 ... frame89), else a separator (img-1 ... img-60). Counters may be hexadecimal, of a fixed width.
+// throws ConfigError: it may be either
+void sort_by_numbers(std::vector<std::filesystem::path>& files);
+
+// False: most names differ in letters, and no number at a place that all have tells them apart, as in UUIDs and hashes.
+bool hold_an_order(const std::vector<std::filesystem::path>& files);
+
+// The files that match a glob (*, ?, [...]), in the order of sort_by_numbers(); empty: none. throws ConfigError
 std::vector<std::filesystem::path> files_of_glob(const std::string& pattern);
 
 }  // namespace huetrack::files

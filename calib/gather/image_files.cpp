@@ -79,8 +79,7 @@ std::vector<fs::path> image_files(const fs::path& given) {
   } else if (text.find_first_of("*?[") != std::string::npos || text.find('%') != std::string::npos) {
     std::ranges::copy_if(files::files_of_glob(as_glob(text)), std::back_inserter(files), is_image_file);
   }
-  std::ranges::sort(files,
-                    [](const fs::path& a, const fs::path& b) { return files::numbers_ascend(a.native(), b.native()); });
+  files::sort_by_numbers(files);
   return files;
 }
 

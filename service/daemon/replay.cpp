@@ -308,6 +308,12 @@ std::string turned_text(const recordings::ReplaySource& source) {
       fmt::join(turned, " and "), turned.size() == 1 ? "the file" : "their files");
 }
 
+// Why no colour can be found. Empty: some camera's pictures have colours.
+std::string grey_text(const recordings::ReplaySource& source) {
+  if (!std::ranges::all_of(source.cameras(), &recordings::ReplayCamera::is_grey)) return {};
+  return "the pictures of all cameras are grey, so no colour can be found in them: record in colour";
+}
+
 // config: in force at the end. figures: after the run
 ReplaySummary summary_of(const config::ServiceConfig& config, const ReplayCommand& command,
                          const pipeline::PipelineFigures& figures, const recordings::ReplaySource& source,
@@ -336,6 +342,8 @@ ReplaySummary summary_of(const config::ServiceConfig& config, const ReplayComman
       if (target.advice.empty()) target.advice = reports::seldom_advice(tracked_share(target), config.targets[t]);
       continue;
     }
+    target.advice = grey_text(source);
+    if (!target.advice.empty()) continue;
     target.advice =
         config::is_taught(config.targets[t])
             ? reports::search_advice(figures.searches[t], config.targets[t], cameras)

@@ -21,6 +21,7 @@ namespace {
 
 constexpr std::int64_t most_lost_warnings = 5;  // further ones are summed up
 constexpr std::size_t frames_for_period = 30;
+constexpr std::size_t most_out_of_order = 16;      // capacity: pictures in memory, half a second
 constexpr std::int64_t largest_picture = 1 << 26;  // pixels
 
 // sensor_msgs' encodings as FFmpeg's pixel formats; those of 16 bits in little and in big endian.
@@ -176,10 +177,28 @@ void BagPictures::warn(const std::string& text) {
   warnings_.push_back(camera_.frames.string() + ": " + camera_.topic + ": " + text);
 }
 
+// header.stamp, or when it was recorded
+std::int64_t BagPictures::time_of(const bags::BagMessage& message) const {
+  const auto picture = is_stamped_ ? bags::picture_of(message) : std::nullopt;
+  return picture ? picture->stamp_ns : message.logged_at_ns;
+}
+
+// Recorders with several threads, and networks, change the order of neighbours.
+std::optional<bags::BagMessage> BagPictures::next_by_time() {
+  while (waiting_.size() <= most_out_of_order) {
+    auto message = messages_.next();
+    if (!message) break;
+    const std::int64_t time = time_of(*message);
+    waiting_.emplace(time, std::move(*message));
+  }
+  if (waiting_.empty()) return std::nullopt;
+  return std::move(waiting_.extract(waiting_.begin()).mapped());
+}
+
 std::optional<Shown> BagPictures::next() {
   const auto last = selection_.last();
   while (!last || index_ <= *last) {
-    const auto message = messages_.next();
+    const auto message = next_by_time();
     std::ranges::move(messages_.take_warnings(), std::back_inserter(warnings_));
     if (!message) {
       if (lost_ > most_lost_warnings)
@@ -203,7 +222,8 @@ std::optional<Shown> BagPictures::next() {
     if (picture && picture->is_compressed) {
       const auto bytes = std::make_shared<const std::vector<std::uint8_t>>(picture->data.begin(), picture->data.end());
       image = decoder_.decode(bytes);
-      if (image && keeps_encoded_ && is_jpeg(*bytes)) shown.jpeg = bytes;
+      if (image && keeps_encoded_ && is_jpeg(*bytes) && !decoder_.turns()) shown.jpeg = bytes;
+      for (const std::string& note : decoder_.take_notes()) warn(note);
       problem_ = decoder_.take_problem() + " (format \"" + files::printable(picture->encoding) + "\")";
     } else if (picture) {
       image = raw(*message, *picture);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -29,12 +30,15 @@ class BagPictures final : public PictureStream {
 
   std::optional<Shown> next() override;
   std::int64_t position() const override { return index_; }
+  bool is_turned() const override { return decoder_.turns(); }
   std::optional<std::int64_t> frame_count() const override { return messages_.messages(); }
   capture::Duration frame_period() const override { return period_; }  // the median of the first; 0: unknown
 
  private:
   std::optional<capture::Image> raw(const bags::BagMessage& message, const bags::PictureMessage& picture);
   void measure_period();
+  std::int64_t time_of(const bags::BagMessage& message) const;
+  std::optional<bags::BagMessage> next_by_time();
   void warn(const std::string& text);
 
   const RecordedCamera& camera_;
@@ -42,6 +46,7 @@ class BagPictures final : public PictureStream {
   std::vector<std::string>& warnings_;
   bool keeps_encoded_;
   bags::TopicReader messages_;
+  std::multimap<std::int64_t, bags::BagMessage> waiting_;  // by time
   capture::Duration period_{0};
   std::int64_t index_ = 0;
   std::int64_t lost_ = 0;    // frames that do not decode

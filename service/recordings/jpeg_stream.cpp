@@ -9,8 +9,9 @@
 namespace huetrack::recordings {
 namespace {
 
-constexpr std::size_t longest_headers = 4096;    // capacity: bytes before the first picture
-constexpr std::size_t largest_jpeg = 64U << 20;  // capacity: bytes
+constexpr std::size_t longest_headers = 4096;          // capacity: bytes before the first picture
+constexpr std::size_t largest_jpeg = 64U << 20;        // capacity: bytes
+constexpr std::size_t largest_cut_picture = 4U << 20;  // capacity: bytes
 constexpr std::size_t read_bytes = 1U << 16;
 
 // nullopt: the file ends, or has too many bytes without a picture's end.
@@ -25,6 +26,24 @@ std::optional<std::vector<std::uint8_t>> next_jpeg(std::ifstream& in, capture::J
   return jpeg ? jpeg : splitter.rest();
 }
 
+bool is_text(char c) {
+  return std::isprint(static_cast<unsigned char>(c)) != 0 || c == '\r' || c == '\n' || c == '\t';
+}
+
+// The picture's beginning was not saved: before the first whole one there is an end of a picture, and perhaps headers
+// or padding. (Inside a container other bytes are before the first one.)
+bool begins_inside_a_picture(std::ifstream& in) {
+  std::string begin(largest_cut_picture, '\0');
+  in.read(begin.data(), static_cast<std::streamsize>(begin.size()));
+  begin.resize(static_cast<std::size_t>(in.gcount()));
+  in.clear();
+  in.seekg(0);
+  const auto first = begin.find("\xff\xd8\xff");
+  std::size_t end = first == std::string::npos ? 0 : first;
+  while (end > 0 && (is_text(begin[end - 1]) || begin[end - 1] == '\0')) --end;
+  return end >= 2 && begin.compare(end - 2, 2, "\xff\xd9") == 0;
+}
+
 }  // namespace
 
 bool is_jpeg_stream(const std::filesystem::path& file) {
@@ -35,12 +54,11 @@ bool is_jpeg_stream(const std::filesystem::path& file) {
   in.read(head.data(), static_cast<std::streamsize>(head.size()));
   head.resize(static_cast<std::size_t>(in.gcount()));
   const auto begin = head.find("\xff\xd8\xff");
-  if (begin == std::string::npos ||
-      !std::all_of(head.begin(), head.begin() + static_cast<std::ptrdiff_t>(begin),
-                   [](unsigned char c) { return std::isprint(c) != 0 || c == '\r' || c == '\n' || c == '\t'; }))
-    return false;
+  const bool begins_with_text = begin != std::string::npos &&
+                                std::all_of(head.begin(), head.begin() + static_cast<std::ptrdiff_t>(begin), is_text);
   in.clear();
   in.seekg(0);
+  if (!begins_with_text && !begins_inside_a_picture(in)) return false;
   capture::JpegSplitter splitter;
   const auto first = next_jpeg(in, splitter);
   if (!first) return false;
@@ -54,11 +72,17 @@ JpegStream::JpegStream(const RecordedCamera& camera, std::vector<std::string>& w
       selection_(camera),
       warnings_(warnings),
       keeps_encoded_(keeps_encoded),
-      in_(camera.frames, std::ios::binary) {}
+      in_(camera.frames, std::ios::binary),
+      begins_inside_(begins_inside_a_picture(in_)) {}
 
 std::optional<Shown> JpegStream::next() {
   const auto last = selection_.last();
   while (!last || index_ <= *last) {
+    if (std::exchange(begins_inside_, false)) {  // which keeps the numbers, and times, of those that follow
+      warnings_.push_back(camera_.frames.string() + ": begins inside a picture, which counts as frame 0");
+      if (selection_.contains(index_++)) return Shown{.index = 0, .stamp = {}, .image = {}};
+      continue;
+    }
     auto next = next_jpeg(in_, splitter_);
     if (!next) return std::nullopt;
     const std::int64_t number = index_++;
@@ -67,7 +91,8 @@ std::optional<Shown> JpegStream::next() {
     const auto jpeg = std::make_shared<const std::vector<std::uint8_t>>(std::move(*next));
     if (auto image = decoder_.decode(jpeg)) {
       shown.image = std::move(*image);
-      if (keeps_encoded_) shown.jpeg = jpeg;
+      if (keeps_encoded_ && !decoder_.turns()) shown.jpeg = jpeg;
+      for (const std::string& note : decoder_.take_notes()) warnings_.push_back(camera_.frames.string() + ": " + note);
     } else if (!std::exchange(has_warned_, true)) {
       warnings_.push_back(camera_.frames.string() + ": frame " + std::to_string(number) +
                           " and perhaps others do not decode: " + decoder_.take_problem());

@@ -16,8 +16,8 @@
 
 namespace huetrack::recordings {
 
-// Text or nothing, a JPEG, and another one. (A single one is a picture; so are those of a phone with a second one
-// inside, which say so in a segment MPF.) False if it cannot be read.
+// Text or nothing or the rest of a JPEG, a JPEG, and another one. (A single one is a picture; so are those of a phone
+// with a second one inside, which say so in a segment MPF.) False if it cannot be read.
 bool is_jpeg_stream(const std::filesystem::path& file);
 
 // thread-compatible.
@@ -28,6 +28,7 @@ class JpegStream final : public PictureStream {
 
   std::optional<Shown> next() override;
   std::int64_t position() const override { return index_; }
+  bool is_turned() const override { return decoder_.turns(); }
 
  private:
   const RecordedCamera& camera_;
@@ -35,6 +36,7 @@ class JpegStream final : public PictureStream {
   std::vector<std::string>& warnings_;
   bool keeps_encoded_;
   std::ifstream in_;
+  bool begins_inside_;  // a picture, which is not shown yet
   capture::JpegSplitter splitter_;
   PictureDecoder decoder_;
   std::int64_t index_ = 0;

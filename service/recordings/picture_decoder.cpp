@@ -1,6 +1,7 @@
 #include "recordings/picture_decoder.h"
 
 #include <algorithm>
+#include <opencv2/imgcodecs.hpp>
 #include <string_view>
 #include <utility>
 
@@ -23,6 +24,26 @@ bool is_jpeg(std::span<const std::uint8_t> bytes) {
   return codec_of(bytes) == AV_CODEC_ID_MJPEG;
 }
 
+std::optional<capture::Image> tiff_of(std::span<const std::uint8_t> bytes) {
+  const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8UC1, const_cast<std::uint8_t*>(bytes.data()));
+  auto decoded = std::make_shared<cv::Mat>();
+  try {
+    *decoded = cv::imdecode(encoded, cv::IMREAD_ANYCOLOR | cv::IMREAD_IGNORE_ORIENTATION);
+  } catch (const cv::Exception&) {  // a damaged header
+    return std::nullopt;
+  }
+  if (decoded->empty()) return std::nullopt;
+  capture::Image image{.format = decoded->channels() == 3 ? capture::PixelFormat::bgr : capture::PixelFormat::grey,
+                       .range = capture::ColorRange::full,
+                       .width = decoded->cols,
+                       .height = decoded->rows,
+                       .planes = {},
+                       .owner = {}};
+  image.planes[0] = {decoded->data, static_cast<std::ptrdiff_t>(decoded->step[0])};
+  image.owner = std::move(decoded);
+  return image;
+}
+
 PictureDecoder::PictureDecoder() {
   capture::take_over_ffmpeg_log();
 }
@@ -41,7 +62,12 @@ std::optional<capture::Image> PictureDecoder::decode(std::shared_ptr<const std::
   if (id == AV_CODEC_ID_MJPEG) {
     auto result = jpeg_.read(bytes);
     problem_ = result.problem;
-    if (!result.is_unsupported) return std::move(result.image);
+    if (result.image) return pictures_.upright(*result.image, capture::exif_orientation(*bytes));
+    if (!result.is_unsupported) return std::nullopt;
+  }
+  if (id == AV_CODEC_ID_TIFF) {
+    problem_ = "it is no TIFF that OpenCV can decode";
+    return tiff_of(*bytes);
   }
   return decode_by_ffmpeg(*bytes, id);
 }

@@ -20,17 +20,24 @@ namespace huetrack::recordings {
 // By the first bytes.
 bool is_jpeg(std::span<const std::uint8_t> bytes);
 
+// By OpenCV, as calibrations read it: FFmpeg's decoder shows JPEG in TIFF as black. nullopt: damaged, or of no kind
+// that it knows
+std::optional<capture::Image> tiff_of(std::span<const std::uint8_t> bytes);
+
 // thread-compatible.
 class PictureDecoder {
  public:
   PictureDecoder();
-  // JPEG with the live cameras' reader, for the same pixels. nullopt: damaged, or of no known kind: see take_problem()
+  // JPEG with the live cameras' reader, for the same pixels; turned as its EXIF data say. nullopt: damaged, or of no
+  // known kind: see take_problem()
   std::optional<capture::Image> decode(std::shared_ptr<const std::vector<std::uint8_t>> bytes);
   // FFmpeg's picture as an Image. nullopt: it cannot be converted
   std::optional<capture::Image> image_of(capture::FramePtr frame) {
     return pictures_.image_of(std::move(frame), AV_CODEC_ID_RAWVIDEO);
   }
-  std::string take_problem();  // why the last picture has no image
+  bool turns() const { return pictures_.turns(); }                          // as the tags so far say
+  std::vector<std::string> take_notes() { return pictures_.take_notes(); }  // what a user must know of the pictures
+  std::string take_problem();                                               // why the last picture has no image
 
  private:
   std::optional<capture::Image> decode_by_ffmpeg(std::span<const std::uint8_t> bytes, AVCodecID id);

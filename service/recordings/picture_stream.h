@@ -27,8 +27,9 @@ class PictureStream {
   virtual std::int64_t position() const = 0;
   // Of the whole stream, as declared by the file: may be wrong. nullopt: unknown
   virtual std::optional<std::int64_t> frame_count() const { return std::nullopt; }
-  virtual capture::Duration frame_period() const { return capture::Duration::zero(); }  // usual; 0 when unknown
-  virtual bool is_turned() const { return false; }                                      // its pictures, as a tag says
+  // Usual; 0 when unknown. Without a container it may be known after the first picture.
+  virtual capture::Duration frame_period() const { return capture::Duration::zero(); }
+  virtual bool is_turned() const { return false; }  // its pictures, as a tag says
   // Of a container whose clock does not start at 0: its time at the first picture, whose stamp is 0.
   virtual std::optional<capture::Duration> clock_start() const { return std::nullopt; }
 };

@@ -222,6 +222,11 @@ Recording read_recording(const std::filesystem::path& path) {
     else if (!topic.empty())
       entry.fail("topic", "is for a bag of ROS, and " + camera.frames.string() + " is none");
     if (entry.has("crop")) camera.crop = crop_in(entry, "crop");
+    if (entry.has("fields")) {
+      static constexpr std::array<std::string_view, 2> fields{"top", "bottom"};
+      const bool is_top = entry.choice("fields", fields) == fields[0];
+      camera.first_field = is_top ? capture::FirstField::top : capture::FirstField::bottom;
+    }
     if (entry.has("fps")) camera.fps = entry.number("fps", {.min = 1e-3, .max = 1e6});
     camera.offset = exact_duration_of(entry.number("offset_s", {.min = -longest_s, .max = longest_s}, 0));
     camera.first_frame = entry.integer("first_frame", {.min = 0, .max = 1e12}, 0);

@@ -10,6 +10,7 @@
 //     robot: {frames: run.mcap, topic: /robot/image_raw}            # a ROS bag; topic may be omitted where it is clear
 //     slow:  {frames: slow.mp4, fps: 240, trust_times: true}        # though the file says 30
 //     half:  {frames: stereo.mkv, crop: [640, 0, 640, 480]}         # u, v, width, height
+//     tv:    {frames: tape.avi, fields: top}                        # interlaced; which field was taken first
 // frames: anything that FFmpeg reads, a printf pattern or glob of images, or a bag. Relative paths start at the yaml
 // file.
 #pragma once
@@ -25,6 +26,7 @@
 #include "calib/yaml/yaml_reader.h"
 #include "capture/frames/crop.h"
 #include "capture/frames/frame.h"
+#include "capture/frames/picture_layout.h"
 
 namespace huetrack::recordings {
 
@@ -33,9 +35,10 @@ struct RecordedCamera {
   std::filesystem::path frames;            // absolute: a video, a printf pattern, a glob, a split film, or a ROS bag
   std::string topic = {};                  // of a bag; never empty then
   std::optional<capture::Crop> crop = {};  // the camera's image is this part of every picture
-  bool trusts_times = false;               // fps or timestamps are right, even if the file contradicts them
-  double fps = 0;                          // > 0: regular times, frame k was captured at k / fps + offset
-  capture::Duration offset{0};             // added to every capture time
+  std::optional<capture::FirstField> first_field = {};  // its pictures are interlaced, whatever the file says
+  bool trusts_times = false;    // fps or timestamps are right, even if the file contradicts them
+  double fps = 0;               // > 0: regular times, frame k was captured at k / fps + offset
+  capture::Duration offset{0};  // added to every capture time
   // (frame in the stream, capture time before the offset), both strictly ascending. Frames that are not listed are not
   // played. Neither fps nor timestamps: the container's own time stamps.
   std::vector<std::pair<std::int64_t, capture::Timestamp>> timestamps;

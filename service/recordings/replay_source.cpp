@@ -16,6 +16,7 @@
 #include "capture/frames/crop.h"
 #include "capture/timing/camera_clock.h"
 #include "recordings/bag_pictures.h"
+#include "recordings/comb_watch.h"
 #include "recordings/jpeg_stream.h"
 #include "recordings/matches_reader.h"
 #include "recordings/picture_stream.h"
@@ -51,6 +52,24 @@ std::unique_ptr<PictureStream> reader_of(const RecordedCamera& camera, const Rep
   if (!camera.topic.empty()) return std::make_unique<BagPictures>(camera, warnings, options.keeps_encoded);
   if (is_jpeg_stream(camera.frames)) return std::make_unique<JpegStream>(camera, warnings, options.keeps_encoded);
   return std::make_unique<VideoReader>(camera, options.decoder_threads, warnings, std::nullopt, options.keeps_encoded);
+}
+
+// Coded grey is grey up to rounding; sampled, as a region of a target is larger.
+bool is_grey(const capture::Image& image) {
+  constexpr int step_px = 3, rounding = 6;  // levels of 255: a target's colour differs by some 20
+  if (image.format == capture::PixelFormat::grey) return true;
+  capture::require_all(image);
+  for (int v = 0; v < image.height; v += step_px)
+    for (int u = 0; u < image.width; u += step_px) {
+      if (image.format == capture::PixelFormat::bgr) {
+        const auto [b, g, r] = capture::bgr_at(image, u, v);
+        if (std::max({b, g, r}) - std::min({b, g, r}) > rounding) return false;
+      } else {
+        const auto yuv = capture::yuv_at(image, u, v);
+        if (std::max(std::abs(yuv.u - 128), std::abs(yuv.v - 128)) > rounding) return false;
+      }
+    }
+  return true;
 }
 
 // One camera's file as frames with times and numbers.
@@ -90,7 +109,8 @@ class Stream {
       count_frames_from_0(options);
       judge_listed_times();
     }
-    if (camera_.fps > 0 && !camera_.trusts_times) given_rate_.emplace(camera_.fps, reader_->frame_period());
+    if ((camera_.fps > 0 || is_listed_by_others()) && !camera_.trusts_times && mistakes_.empty())
+      stated_times_.emplace(camera_, reader_->frame_period());
     if (!camera_.timestamps.empty())
       info_.expected_frames = selection_.count_below(camera_.timestamps.back().first + 1);
     else if (const auto count = reader_->frame_count())
@@ -106,7 +126,7 @@ class Stream {
       if (unstamped_ > 0)
         throw files::ConfigError(recording_file, 0,
                                  "cameras." + camera_.name + ": " + camera_.frames.string() +
-                                     " has no time stamps: give fps or timestamps in a recording.yaml");
+                                     " has no time stamps: give fps or timestamps in a recording.yaml" + header_rate());
       if (is_cut_off) {
         forget();
         return;
@@ -115,6 +135,13 @@ class Stream {
                                "no frame of it can be played (frames of camera " + camera_.name + ")");
     }
     info_.first_at = waiting_.front().captured_at;
+    if (stated_times_ && !is_stamped_) stated_times_->see_header(reader_->frame_period());
+    report_contradictions();
+  }
+
+  std::string header_rate() const {
+    const double period_s = capture::seconds(reader_->frame_period());
+    return period_s > 0 ? fmt::format(" (its header says {:.4g} frames a second)", 1 / period_s) : std::string();
   }
 
   // Its file has no frame to play.
@@ -239,6 +266,8 @@ class Stream {
       }
       if (picture->image.width > 0 && has_the_size(*picture) && crop(*picture)) {
         frame.status = capture::FrameStatus::ok;
+        has_color_ = has_color_ || picture->matches || !is_grey(picture->image);
+        info_.is_grey = !has_color_;
         frame.pixels = std::move(picture->image);
         frame.encoded = std::move(picture->jpeg);
         frame.matches = std::move(picture->matches);
@@ -246,6 +275,8 @@ class Stream {
       return frame;
     }
     if (!std::exchange(ended_, true)) {
+      if (stated_times_) stated_times_->end();
+      report_contradictions();
       note_listed_frames_that_never_came();
       note_left_out();
     }
@@ -266,19 +297,28 @@ class Stream {
   }
 
   std::optional<capture::Timestamp> capture_time(const Shown& picture) {
-    if (!camera_.timestamps.empty()) return camera_.timestamps[row_of(picture.index)].second + camera_.offset;
-    if (camera_.fps > 0) {
-      if (picture.stamp && given_rate_) {
-        given_rate_->see(picture.index, *picture.stamp);
-        for (std::string& problem : given_rate_->take_problems()) contradict(std::move(problem));
-      }
-      // rounded once, from the exact time
-      const long double since_start = static_cast<long double>(picture.index) * 1e9L / camera_.fps;
-      return capture::Timestamp{capture::Duration(std::llround(since_start)) + camera_.offset};
+    is_stamped_ = is_stamped_ || picture.stamp.has_value();
+    if (const auto stated = stated_time(picture.index)) {
+      if (picture.stamp && stated_times_) stated_times_->see(picture.index, *stated, *picture.stamp);
+      report_contradictions();
+      return *stated + camera_.offset;
     }
     if (picture.stamp) return *picture.stamp + camera_.offset;
     ++unstamped_;
     return std::nullopt;
+  }
+
+  // By the recording, before the offset; nullopt: it states none.
+  std::optional<capture::Timestamp> stated_time(std::int64_t index) const {
+    if (!camera_.timestamps.empty()) return camera_.timestamps[row_of(index)].second;
+    if (camera_.fps == 0) return std::nullopt;
+    // rounded once, from the exact time
+    return capture::Timestamp{capture::Duration(std::llround(static_cast<long double>(index) * 1e9L / camera_.fps))};
+  }
+
+  void report_contradictions() {
+    if (!stated_times_) return;
+    for (std::string& problem : stated_times_->take_problems()) contradict(std::move(problem));
   }
 
   // A table of another program or a person, for a film or pictures: our own cannot contradict its file.
@@ -289,14 +329,15 @@ class Stream {
   // Spreadsheets and other tools count from 1: then the last row is one beyond the last frame, and none is 0.
   void count_frames_from_0(const ReplayOptions& options) {
     auto& rows = camera_.timestamps;
-    if (rows.front().first < 1 || camera_.first_frame > 0 || camera_.every > 1) return;
+    if (rows.front().first < 1 || camera_.first_frame > 0) return;
     if (frame_count(options) == rows.back().first) {
       for (auto& [frame, at] : rows) --frame;
       warn(camera_.times_file.filename().string() + " counts its frames from 1, since frame " +
            std::to_string(rows.back().first + 1) + " is the last one: they are played so");
-    } else if (rows.front().first == 1) {
-      warn(camera_.times_file.filename().string() +
-           " has no row for frame 0, the first one: if it counts frames from 1, subtract 1");
+    } else if (rows.front().first == 1 && !camera_.trusts_times) {
+      contradict(camera_.times_file.filename().string() +
+                 " has no row for frame 0, the first one: if it counts frames from 1, subtract 1; if frame 0 is left "
+                 "out, add trust_times: true");
     }
   }
 
@@ -337,9 +378,27 @@ class Stream {
     return false;
   }
 
+  // Of pictures that hold two moments, as the recording says; what the pixels say is compared. throws ConfigError: the
+  // first picture is turned
+  void take_first_field(Shown& picture) {
+    if (!has_pixels(picture.image)) return;  // matches
+    if (camera_.first_field) {
+      if (reader_->is_turned() && info_.width == 0)
+        throw files::ConfigError(
+            camera_.frames, 0,
+            "is turned by a tag, so fields: cannot be applied to its rows (frames of camera " + camera_.name + ")");
+      picture.image = capture::first_field(picture.image, *camera_.first_field);
+      picture.jpeg = nullptr;  // of both fields
+    } else if (!reader_->is_turned()) {
+      combs_.see(picture.image);
+      if (auto problem = combs_.take_problem()) contradict(std::move(*problem));
+    }
+  }
+
   // The camera's own part of the picture. False: a later picture's format has no such part. throws ConfigError: the
   // first
   bool crop(Shown& picture) {
+    take_first_field(picture);
     if (camera_.crop) {
       const auto problem = capture::problem_of(*camera_.crop, picture.image.format, width_, height_);
       if (!problem.empty() && info_.width == 0)
@@ -374,14 +433,15 @@ class Stream {
   void note_left_out() {
     if (back_count_ > 0)
       warn(fmt::format(
-          "its time stamps go back, first at frame {} (at {:.3f} s), by up to {:.3f} s: {} frames are left "
-          "out. If the pictures are in order, give fps or timestamps",
-          first_back_.first, capture::seconds(first_back_.second), capture::seconds(furthest_back_), back_count_));
+          "its time stamps go back, first at frame {} (at {:.3f} s), by up to {:.3f} s: {} frames are left out. {}",
+          first_back_.first, capture::seconds(first_back_.second), capture::seconds(furthest_back_), back_count_,
+          camera_.topic.empty() ? "If the pictures are in order, give fps or timestamps"
+                                : "Sort the bag's messages by time (`mcap sort`)"));
     if (unstamped_ > 0 && last_stamp_)
       warn(fmt::format("{} frames have no time stamp and are left out: give fps or timestamps", unstamped_));
   }
 
-  // Times that the file contradicts: wrong, unless trust_times confirms them.
+  // What the recording says, and the file contradicts.
   void contradict(std::string text) {
     mistakes_.push_back(camera_.frames.string() + ": " + std::move(text) + " (camera " + camera_.name + ")");
     warnings_.push_back(mistakes_.back());
@@ -404,11 +464,14 @@ class Stream {
   std::optional<capture::Timestamp> last_stamp_;
   std::optional<std::int64_t> first_index_, last_index_;  // in the stream, of the played pictures
   std::optional<std::uint32_t> last_number_;              // Frame::sequence
-  std::optional<GivenRate> given_rate_;                   // fps beside the container's times
+  std::optional<TimesBesideFilm> stated_times_;
+  CombWatch combs_;
   std::vector<std::string> mistakes_;
   std::int64_t unstamped_ = 0, back_count_ = 0;             // left out
   std::pair<std::int64_t, capture::Timestamp> first_back_;  // index, and the time before
   capture::Duration furthest_back_{0};
+  bool is_stamped_ = false;  // by its file
+  bool has_color_ = false;   // a picture so far
   bool warned_of_size_ = false;
   bool ended_ = false;
 };

@@ -30,6 +30,7 @@ struct ReplayCamera {
   capture::PixelFormat format = capture::PixelFormat::grey;  // of the first frame
   capture::ColorRange range = capture::ColorRange::limited;
   bool is_turned = false;                       // as a tag of the file says
+  bool is_grey = false;                         // no picture so far has a colour
   capture::Duration frame_period{0};            // usual time between two frames; 0 when unknown
   std::optional<capture::Timestamp> first_at;   // capture time of the first frame; nullopt: the camera delivered none
   std::optional<std::int64_t> expected_frames;  // from the file and the time stamps, before all is read

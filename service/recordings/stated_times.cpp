@@ -14,6 +14,7 @@ namespace huetrack::recordings {
 namespace {
 
 constexpr std::string_view how_to_confirm = "trust_times: true";
+constexpr std::string_view leave_out = "leave";
 
 struct TimeUnit {
   std::string_view name;
@@ -43,13 +44,16 @@ struct ListedTimesTuning {
 };
 constexpr ListedTimesTuning listed_times{};
 
-struct GivenRateTuning {
+struct FilmTimesTuning {
   std::int64_t enough = 4;  // pictures, for a rate by their stamps
   double slack = 0.02;      // of a rate: 29.97 is 30
   double gap = 0.9;         // usual steps: a picture is missing
   std::size_t window = 16;  // pictures, in which a late stamp is made up for
+  // Matroska and tables with three decimals round to the millisecond: steps between even times vary by as much.
+  double rounding_s = 1.001e-3;
+  double varying = 0.1;  // of the steps: fewer are those at dropped frames
 };
-constexpr GivenRateTuning given_rate{};
+constexpr FilmTimesTuning film_times{};
 
 // values: not empty
 double median(std::vector<double> values) {
@@ -58,14 +62,29 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
-// Usual time from one frame of the stream to the next: the median, which is robust to gaps. 0: one row only.
-double seconds_a_frame(const RecordedCamera& camera) {
+// Times from one frame of the stream to the next, listed ones.
+std::vector<double> listed_steps_s(const RecordedCamera& camera) {
   std::vector<double> steps_s;
   for (std::size_t k = 1; k < camera.timestamps.size(); ++k) {
     const auto &before = camera.timestamps[k - 1], &row = camera.timestamps[k];
     steps_s.push_back(capture::seconds(row.second - before.second) / static_cast<double>(row.first - before.first));
   }
+  return steps_s;
+}
+
+// Usual one: the median, which is robust to gaps. 0: one row only.
+double seconds_a_frame(const RecordedCamera& camera) {
+  auto steps_s = listed_steps_s(camera);
   return steps_s.empty() ? 0 : median(std::move(steps_s));
+}
+
+// A clock's readings at pictures, not multiples of a period.
+bool do_vary(const std::vector<double>& steps_s) {
+  if (steps_s.empty()) return false;
+  const double usual_s = median(steps_s);
+  const auto others =
+      std::ranges::count_if(steps_s, [&](double s) { return std::abs(s - usual_s) > film_times.rounding_s; });
+  return static_cast<double>(others) > film_times.varying * static_cast<double>(steps_s.size());
 }
 
 double factor_between(double a, double b) {
@@ -114,54 +133,83 @@ std::optional<TimesProblem> problem_of_listed_times(const RecordedCamera& camera
   return problem;
 }
 
-void GivenRate::see(std::int64_t index, capture::Timestamp stamp) {
-  const Seen picture{index, stamp};
+TimesBesideFilm::TimesBesideFilm(const RecordedCamera& camera, capture::Duration film_period)
+    : name_(camera.fps > 0 ? "fps" : camera.times_file.filename().string()),
+      key_(camera.fps > 0 ? "fps" : "timestamps"),
+      is_measured_(do_vary(listed_steps_s(camera))),
+      stated_period_s_(camera.fps > 0 ? 1 / camera.fps : seconds_a_frame(camera)),
+      film_period_s_(capture::seconds(film_period)) {}
+
+void TimesBesideFilm::see(std::int64_t index, capture::Timestamp stated, capture::Timestamp stamp) {
+  const Seen picture{index, capture::seconds(stated.time_since_epoch()), capture::seconds(stamp.time_since_epoch())};
   if (!first_) first_ = picture;
+  if (!recent_.empty()) {
+    const Seen& before = recent_.back();
+    film_steps_s_.push_back((picture.film_s - before.film_s) / static_cast<double>(index - before.index));
+  }
   recent_.push_back(picture);
-  if (recent_.size() > given_rate.window) recent_.pop_front();
-  compare_rates(picture);
+  if (recent_.size() > film_times.window) recent_.pop_front();
+  if (is_measured_) return;  // only a film that is measured, too, can contradict it
+  if (!has_compared_ && index - first_->index >= film_times.enough) compare_rates(picture);
   look_for_gap();
 }
 
-// A typed fps is wrong more often than a file's; but it may be intended, for slow motion.
-void GivenRate::compare_rates(const Seen& picture) {
-  const auto count = picture.first - first_->first;
-  if (has_compared_ || count < given_rate.enough) return;
-  has_compared_ = true;
-  // Some headers count empty chunks, and stamps may have a gap: both must contradict.
-  const double period_s = capture::seconds(picture.second - first_->second) / static_cast<double>(count);
-  const auto contradicts = [&](double s) { return s > 0 && std::abs(fps_ * s - 1) >= given_rate.slack; };
-  if (!contradicts(period_s) || !contradicts(capture::seconds(file_period_))) return;
-  has_problem_ = true;
-  problems_.push_back(fmt::format(
-      "fps says {:g}, but the file itself {:.4g} frames a second: if the file is right, leave fps out; if fps is right "
-      "(slow motion, a wrong header), add {}",
-      fps_, 1 / period_s, how_to_confirm));
+void TimesBesideFilm::end() {
+  if (!has_compared_ && do_vary(film_steps_s_)) compare_rates(recent_.back());
 }
 
-// A longer step among even ones: all later times are wrong by the missing frames.
-void GivenRate::look_for_gap() {
-  if (has_problem_ || recent_.size() <= static_cast<std::size_t>(given_rate.enough)) return;
-  std::vector<double> steps_s;
-  for (std::size_t k = 1; k < recent_.size(); ++k)
-    steps_s.push_back(capture::seconds(recent_[k].second - recent_[k - 1].second) /
-                      static_cast<double>(recent_[k].first - recent_[k - 1].first));
-  const double usual_s = median(steps_s);
-  const auto& [first, begin] = recent_.front();
-  const auto& [last, end] = recent_.back();
-  const double gap_s = capture::seconds(end - begin) - static_cast<double>(last - first) * usual_s;
-  if (gap_s < given_rate.gap * usual_s) return;
+// What a person stated is wrong more often than a film; but it may be intended, for slow motion.
+void TimesBesideFilm::compare_rates(const Seen& picture) {
+  has_compared_ = true;
+  const auto count = static_cast<double>(picture.index - first_->index);
+  const double stated_s = (picture.stated_s - first_->stated_s) / count;
+  const double film_s = (picture.film_s - first_->film_s) / count;
+  // Some headers count empty chunks, and stamps may have a gap: both must contradict.
+  const auto contradicts = [&](double s) { return std::abs(s / stated_s - 1) >= film_times.slack; };
+  if (!contradicts(film_s) || (film_period_s_ > 0 && !contradicts(film_period_s_))) return;
+  report_rate(stated_s, film_s, leave_out);
+}
+
+void TimesBesideFilm::see_header(capture::Duration period) {
+  const double header_s = capture::seconds(period);
+  if (is_measured_ || !(header_s > 0) || !(stated_period_s_ > 0)) return;
+  if (std::abs(header_s / stated_period_s_ - 1) >= film_times.slack) report_rate(stated_period_s_, header_s, "correct");
+}
+
+void TimesBesideFilm::report_rate(double stated_s, double film_s, std::string_view remedy) {
+  has_problem_ = true;
+  problems_.push_back(
+      fmt::format("{0} says {1:.4g}, but the file itself {2:.4g} frames a second: if the file is right, {3} {4}{5}; if "
+                  "{4} is right "
+                  "(slow motion, a wrong header), add {6}",
+                  name_, 1 / stated_s, 1 / film_s, remedy, key_, remedy == leave_out ? " out" : "", how_to_confirm));
+}
+
+// A longer step among even ones, which the stated times do not have: all later times are wrong by the missing frames.
+void TimesBesideFilm::look_for_gap() {
+  if (has_problem_ || recent_.size() <= static_cast<std::size_t>(film_times.enough)) return;
+  std::vector<double> steps_s, stated_steps_s;
+  for (std::size_t k = 1; k < recent_.size(); ++k) {
+    const auto frames = static_cast<double>(recent_[k].index - recent_[k - 1].index);
+    steps_s.push_back((recent_[k].film_s - recent_[k - 1].film_s) / frames);
+    stated_steps_s.push_back((recent_[k].stated_s - recent_[k - 1].stated_s) / frames);
+  }
+  const double usual_s = median(steps_s), stated_usual_s = median(stated_steps_s);
+  const Seen &begin = recent_.front(), &end = recent_.back();
+  const double stated_periods = (end.stated_s - begin.stated_s) / stated_usual_s;
+  const double gap_s = end.film_s - begin.film_s - stated_periods * usual_s;
+  if (gap_s < film_times.gap * usual_s) return;
   has_problem_ = true;
   const auto longest = std::ranges::max_element(steps_s) - steps_s.begin();
   const long missing = std::max(1L, std::lround(gap_s / usual_s));
   problems_.push_back(fmt::format(
-      "its own time stamps say that {} missing before frame {}: from there on, fps gives times that are too early: "
-      "leave fps out to use the file's time stamps; if these are wrong, add {}",
+      "its own time stamps say that {} missing before frame {}: from there on, {} gives times that are too early: "
+      "leave {} out to use the file's time stamps; if these are wrong, add {}",
       missing == 1 ? "a frame is" : fmt::format("{} frames are", missing),
-      recent_[static_cast<std::size_t>(longest) + 1].first, how_to_confirm));
+      recent_[static_cast<std::size_t>(longest) + 1].index, name_, key_, how_to_confirm));
 }
 
-std::vector<std::string> GivenRate::take_problems() {
+std::vector<std::string> TimesBesideFilm::take_problems() {
   return std::exchange(problems_, {});
 }
 

@@ -1,11 +1,12 @@
 // What a recording.yaml states of a camera's times, compared with what the camera's file says itself. Pure but for
-// GivenRate. Private to this module.
+// TimesBesideFilm. Private to this module.
 #pragma once
 
 #include <cstdint>
 #include <deque>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -23,25 +24,37 @@ struct TimesProblem {
 // it has none, as images. nullopt: they may be right.
 std::optional<TimesProblem> problem_of_listed_times(const RecordedCamera& camera, capture::Duration file_period);
 
-// A given rate (fps) beside a film's own time stamps. thread-compatible.
-class GivenRate {
+// The times that a recording states (fps, timestamps) beside the film's own time stamps, as they are played. Times that
+// do not vary were not measured: they follow from a rate that somebody typed, as those of most headers do. Measured
+// times are right where the others are not; two of one kind must agree. thread-compatible.
+class TimesBesideFilm {
  public:
-  GivenRate(double fps, capture::Duration file_period) : fps_(fps), file_period_(file_period) {}
+  TimesBesideFilm(const RecordedCamera& camera, capture::Duration film_period);
 
-  // The next picture's place in the stream, and its time by the container.
-  void see(std::int64_t index, capture::Timestamp stamp);
+  void see_header(capture::Duration period);  // of a film without time stamps of its own; 0: it says none
+  // The next picture's place in the stream, its stated time without the offset, and its time by the container.
+  void see(std::int64_t index, capture::Timestamp stated, capture::Timestamp stamp);
+  void end();  // after the last picture
   // Contradictions since the last call, as "fps says 25, but ...".
   std::vector<std::string> take_problems();
 
  private:
-  using Seen = std::pair<std::int64_t, capture::Timestamp>;
+  struct Seen {
+    std::int64_t index;
+    double stated_s, film_s;
+  };
   void compare_rates(const Seen& picture);
+  void report_rate(double stated_period_s, double film_period_s, std::string_view remedy);
   void look_for_gap();
 
-  double fps_;
-  capture::Duration file_period_;
+  std::string name_;  // of the times: "fps", or the table
+  std::string key_;
+  bool is_measured_ = false;    // stated times vary
+  double stated_period_s_ = 0;  // 0: unknown
+  double film_period_s_;
   std::optional<Seen> first_;
   std::deque<Seen> recent_;
+  std::vector<double> film_steps_s_;  // from one frame to the next
   bool has_compared_ = false, has_problem_ = false;
   std::vector<std::string> problems_;
 };

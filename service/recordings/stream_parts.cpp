@@ -20,7 +20,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Between two parts of one film; takes begin anew, or later. Sound ends a little later than the picture.
+// Between two parts of one film; takes begin anew, or later. Sound ends a little later, or earlier, than the picture.
 constexpr double longest_break_s = 1, longest_overlap_s = 0.2;
 
 bool is_transport_stream(const fs::path& file) {
@@ -55,13 +55,13 @@ std::optional<TimeSpan> time_span_of(const fs::path& part) {
 
 }  // namespace
 
-std::vector<fs::path> stream_parts(const fs::path& frames) {
+std::vector<fs::path> stream_parts(const fs::path& frames, std::vector<std::string>& warnings) {
   std::vector<fs::path> parts;
   std::error_code error;
   if (fs::is_directory(frames, error)) {
     for (const auto& entry : fs::directory_iterator(frames, error))
       if (is_transport_stream(entry.path())) parts.push_back(entry.path());
-    std::ranges::sort(parts, files::numbers_ascend, &fs::path::native);
+    files::sort_by_numbers(parts);
   } else if (frames.string().find_first_of("*?[") != std::string::npos) {
     parts = files::files_of_glob(frames.string());
     if (!std::ranges::all_of(parts, is_transport_stream)) return {};
@@ -78,6 +78,12 @@ std::vector<fs::path> stream_parts(const fs::path& frames) {
                       "takes, not the parts of one: put the parts of one take into a folder of their own; if its clock "
                       "begins anew in every part, {}",
                       span->from_s, parts[i - 1].filename().string(), before->to_s, how_to_join));
+    if (span && before && span->from_s > before->to_s + longest_overlap_s)
+      warnings.push_back(
+          fmt::format("{}: begins {:.2f} s after {} ends, by their time stamps: a part is missing between them; give "
+                      "neither fps nor "
+                      "timestamps, so that later pictures keep their times",
+                      parts[i].string(), span->from_s - before->to_s, parts[i - 1].filename().string()));
     before = span;
   }
   return parts;

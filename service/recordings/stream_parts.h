@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
 #include <vector>
 
 namespace huetrack::recordings {
@@ -12,7 +13,9 @@ inline constexpr const char* how_to_join =
     "join them: ffmpeg -f concat -safe 0 -i LIST -c copy OUT.mp4, where LIST has a line file 'NAME' for each";
 
 // The MPEG transport streams of a folder, or of a glob that matches only such, by their numbers. Empty: frames is
-// neither. throws ConfigError: one does not go on where the one before it ends, by their time stamps
-std::vector<std::filesystem::path> stream_parts(const std::filesystem::path& frames);
+// neither. What is missing between them is a warning. throws ConfigError: one does not go on where the one before it
+// ends, by their time stamps
+std::vector<std::filesystem::path> stream_parts(const std::filesystem::path& frames,
+                                                std::vector<std::string>& warnings);
 
 }  // namespace huetrack::recordings

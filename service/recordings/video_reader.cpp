@@ -2,21 +2,20 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <deque>
 #include <fstream>
 #include <utility>
 
 #include "calib/files/config_error.h"
-#include "calib/files/file_order.h"
-#include "calib/files/number_text.h"
 #include "capture/ffmpeg/ffmpeg_log.h"
 #include "capture/ffmpeg/ffmpeg_objects.h"
 #include "capture/ffmpeg/ffmpeg_picture.h"
 #include "capture/ffmpeg/stream_decoder.h"
 #include "capture/jpeg/jpeg_reader.h"
+#include "recordings/image_series.h"
 #include "recordings/joined_parts.h"
+#include "recordings/picture_decoder.h"
 #include "recordings/picture_order.h"
 #include "recordings/stream_parts.h"
 
@@ -44,102 +43,6 @@ namespace {
 constexpr std::int64_t longest_gap_frames = 1000;  // a damaged time stamp must not create frames
 constexpr int most_warnings = 5;                   // of one kind; further ones are summed up
 
-// ---- Image files
-
-struct ImageFile {
-  std::int64_t number = 0;
-  std::filesystem::path path;
-};
-
-// The files of a printf pattern like cam0/%06d.png, by number; the pattern has exactly one %d in its last part.
-std::vector<ImageFile> files_of_pattern(const std::filesystem::path& pattern) {
-  const std::string name = pattern.filename().string();
-  const std::size_t begin = name.find('%');
-  std::size_t at = begin == std::string::npos ? name.size() : begin + 1;
-  std::size_t width = 0;
-  while (at < name.size() && name[at] >= '0' && name[at] <= '9' && width < 100)
-    width = 10 * width + static_cast<std::size_t>(name[at++] - '0');
-  if (at >= name.size() || name[at] != 'd' || name.find('%', at) != std::string::npos)
-    throw files::ConfigError(pattern, 0,
-                             "is not a pattern of image files: its last part must have one number like %06d");
-  const std::string_view prefix = std::string_view(name).substr(0, begin);
-  const std::string_view suffix = std::string_view(name).substr(at + 1);
-
-  std::vector<ImageFile> files;
-  std::error_code error;
-  for (const auto& entry : std::filesystem::directory_iterator(pattern.parent_path(), error)) {
-    const std::string file = entry.path().filename().string();
-    if (file.size() <= prefix.size() + suffix.size() || !file.starts_with(prefix) || !file.ends_with(suffix)) continue;
-    const std::string_view digits =
-        std::string_view(file).substr(prefix.size(), file.size() - prefix.size() - suffix.size());
-    // as printf writes it: zero-padded up to the width
-    if (digits.size() < width || (digits.size() > std::max<std::size_t>(width, 1) && digits.front() == '0')) continue;
-    ImageFile image{.number = 0, .path = entry.path()};
-    const auto [end, problem] = std::from_chars(digits.data(), digits.data() + digits.size(), image.number);
-    if (problem != std::errc{} || end != digits.data() + digits.size() || image.number < 0) continue;
-    files.push_back(std::move(image));
-  }
-  std::ranges::sort(files, {}, &ImageFile::number);
-  if (!files.empty())
-    for (const std::int64_t first = files.front().number; auto& file : files) file.number -= first;
-  return files;
-}
-
-std::vector<ImageFile> files_of_glob(const std::filesystem::path& pattern) {
-  std::vector<ImageFile> files;
-  for (auto& path : files::files_of_glob(pattern.string()))
-    files.push_back({.number = static_cast<std::int64_t>(files.size()), .path = std::move(path)});
-  return files;
-}
-
-// A glob counts files, so a missing one shifts the times of all that follow. The first file after a gap in numbers that
-// otherwise go up by one; nullptr: none.
-const ImageFile* after_a_gap(const std::vector<ImageFile>& files) {
-  constexpr std::string_view digits = "0123456789";
-  const ImageFile* after = nullptr;
-  std::size_t gaps = 0;
-  std::optional<std::int64_t> before;
-  for (const ImageFile& file : files) {
-    const std::string name = file.path.stem().string();
-    const std::size_t last = name.find_last_of(digits);
-    if (last == std::string::npos) return nullptr;
-    const std::size_t above = name.find_last_not_of(digits, last);
-    const std::size_t first = above == std::string::npos ? 0 : above + 1;
-    const auto number = files::number_of<std::int64_t>(name.substr(first, last + 1 - first));
-    if (!number || (before && *number <= *before)) return nullptr;
-    if (before && *number != *before + 1 && ++gaps == 1) after = &file;
-    before = number;
-  }
-  constexpr std::size_t one_in = 5;  // more gaps: numbered in steps
-  return gaps * one_in < files.size() ? after : nullptr;
-}
-
-// Cameras count to IMG_9999 and begin again: by numbers, the last pictures come first. `after`: of a gap.
-bool is_counter_begun_again(const std::vector<ImageFile>& files, const ImageFile* after) {
-  const auto digits_of = [](const ImageFile& file) {
-    const std::string name = file.path.stem().string();
-    const std::size_t above = name.find_last_not_of("0123456789");
-    return name.substr(above == std::string::npos ? 0 : above + 1);
-  };
-  if (after == nullptr) return false;
-  const std::string first = digits_of(files.front()), last = digits_of(files.back());
-  return last.size() > 1 && last.find_first_not_of('9') == std::string::npos &&
-         files::number_of<std::int64_t>(first).value_or(2) <= 1;
-}
-
-// Empty: `frames` is one file.
-std::vector<ImageFile> image_files_of(const RecordedCamera& camera) {
-  const std::string name = camera.frames.filename().string();
-  const bool is_pattern = name.find('%') != std::string::npos;
-  const bool is_glob = camera.frames.string().find_first_of("*?[") != std::string::npos;
-  std::error_code error;
-  if ((!is_pattern && !is_glob) || std::filesystem::exists(camera.frames, error)) return {};
-  auto files = is_pattern ? files_of_pattern(camera.frames) : files_of_glob(camera.frames);
-  if (files.empty())
-    throw files::ConfigError(camera.frames, 0, "no file matches this pattern (frames of camera " + camera.name + ")");
-  return files;
-}
-
 // Formats that are a film, picture or sound by themselves. Play lists (hls, concat, dash) name other files, and FFmpeg
 // would block on a pipe among them.
 constexpr const char* films =
@@ -157,8 +60,8 @@ struct VideoReader::Impl {
   Impl(const RecordedCamera& c, int threads, std::vector<std::string>& w, std::optional<std::stop_token> g, bool keeps)
       : camera(c), selection(c), warnings(w), growing(std::move(g)), keeps_jpeg(keeps) {
     capture::take_over_ffmpeg_log();
-    auto parts = stream_parts(c.frames);
-    if (parts.empty()) images = image_files_of(c);
+    auto parts = stream_parts(c.frames, warnings);
+    if (parts.empty()) images = image_files_of(c, warnings);
     if (parts.empty()) parts = {images.empty() ? camera.frames : images.front().path};
     open(parts, threads);
   }
@@ -225,6 +128,7 @@ struct VideoReader::Impl {
     if (const int e = codec.open(stream, *decoder, decoding); e < 0)
       fail(file, "its video cannot be decoded: " + capture::error_text(e));
     pictures.set_stream(*stream);
+    if (camera.first_field) pictures.keep_fields();
     const AVCodecDescriptor* properties = avcodec_descriptor_get(decoder->id);
     is_intra_only = properties && (properties->props & AV_CODEC_PROP_INTRA_ONLY) != 0;
     is_delayed = (decoder->capabilities & AV_CODEC_CAP_DELAY) != 0;
@@ -249,15 +153,6 @@ struct VideoReader::Impl {
       const bool begins_anywhere = (format->iformat->flags & AVFMT_TS_DISCONT) != 0;
       if (begins_anywhere && stream->start_time != AV_NOPTS_VALUE) clock_start = stream->start_time;
     }
-    const bool is_glob = camera.frames.filename().string().find('%') == std::string::npos;
-    const ImageFile* const after = is_glob ? after_a_gap(images) : nullptr;
-    if (is_counter_begun_again(images, after))
-      fail(camera.frames, "the numbers of the pictures begin again after " + images.back().path.filename().string() +
-                              ": by numbers the later ones would come first; rename those from " +
-                              images.front().path.filename().string() + " on, as to 10000 and so on");
-    if (after != nullptr)
-      warnings.push_back(camera.frames.string() + ": numbers are missing before " + after->path.filename().string() +
-                         ": a glob counts files; if pictures are missing there, give a pattern, like img%d.jpg");
     damaged = log.container_count() > 0;  // while finding the streams
     log.take();
     note_layout();
@@ -352,13 +247,14 @@ struct VideoReader::Impl {
       return;
     }
     if (packet->stream_index == stream->index) {
-      ++packets;
+      if (++packets == 1) find_decoding_delay();
       if (is_damaged || (packet->flags & AV_PKT_FLAG_CORRUPT) != 0) {
         warn(damage_warnings, "is damaged near frame " + std::to_string(index) + log.take());
         damaged = true;
         lost_reference(sent_key);
       }
       stamp_from_avi_index();
+      use_times_of_decoding();
       if (!has_stamps) packet->pts = packet->dts = AV_NOPTS_VALUE;
       if (is_delayed)
         decode_delayed();
@@ -366,6 +262,22 @@ struct VideoReader::Impl {
         decode_immediate();
     }
     av_packet_unref(packet.get());
+  }
+
+  // ASF with B frames has no others: in ascending order they are those of showing, as an AVI's.
+  void use_times_of_decoding() {
+    if (packets == 1 && packet->pts == AV_NOPTS_VALUE && packet->dts != AV_NOPTS_VALUE && has_stamps) {
+      has_only_times_of_decoding = true;
+      order.count_packets();
+    }
+    if (has_only_times_of_decoding) packet->pts = packet->dts;
+  }
+
+  // Where B frames are decoded before they are shown, a container whose times of decoding begin at 0 (fragmented MP4,
+  // FLV) has the first picture later, unless an edit list takes that out.
+  void find_decoding_delay() {
+    if (!clock_start && packet->dts == 0 && stream->codecpar->video_delay > 0 && stream->start_time != AV_NOPTS_VALUE)
+      decoding_delay = std::max<std::int64_t>(0, stream->start_time);
   }
 
   // An AVI's only time stamps are chunk numbers, and FFmpeg counts only chunks that it finds. The index has the right
@@ -442,6 +354,7 @@ struct VideoReader::Impl {
     if (packet->size == 0) return result;  // would signal the end to the decoder
     const AVCodecID kind = codec.codec().codec_id;
     if (kind == AV_CODEC_ID_MJPEG && decode_jpeg(result)) return result;
+    if (kind == AV_CODEC_ID_TIFF) return {.image = tiff_of({packet->data, static_cast<std::size_t>(packet->size)})};
     const int errors_before = log.count();
     int error = codec.send(packet.get());
     while (error == 0) {
@@ -450,8 +363,8 @@ struct VideoReader::Impl {
       if (error == 0 && !result.image) result.image = image_from(std::move(frame));
     }
     result.is_hidden = error == AVERROR(EAGAIN) && (kind == AV_CODEC_ID_VP8 || kind == AV_CODEC_ID_VP9);
-    // These report damaged slices and strips only in the log, and show what was there before instead.
-    const bool is_patched = (kind == AV_CODEC_ID_FFV1 || kind == AV_CODEC_ID_TIFF) && log.count() > errors_before;
+    // It reports damaged slices only in the log, and shows what was there before instead.
+    const bool is_patched = kind == AV_CODEC_ID_FFV1 && log.count() > errors_before;
     if ((error != AVERROR(EAGAIN) && error != AVERROR_EOF) || is_patched) result.image.reset();
     return result;
   }
@@ -470,9 +383,8 @@ struct VideoReader::Impl {
       return false;
     if (!decoded.image) return true;
     if (stored.color_range == AVCOL_RANGE_MPEG) decoded.image->range = capture::ColorRange::limited;
-    const auto own = images.empty() ? std::nullopt
-                                    : capture::exif_orientation({packet->data, static_cast<std::size_t>(packet->size)});
-    result.image = pictures.upright(*decoded.image, own);
+    result.image = pictures.upright(*decoded.image,
+                                    capture::exif_orientation({packet->data, static_cast<std::size_t>(packet->size)}));
     // A turned picture's bytes are those of another one.
     if (keeps_jpeg && result.image->planes[0].data == decoded.image->planes[0].data) jpeg_bytes = std::move(bytes);
     return true;
@@ -613,7 +525,7 @@ struct VideoReader::Impl {
       warn(lost_warnings, "frame " + std::to_string(number) + " does not decode" + log.take());
     Shown picture{.index = number, .stamp = {}, .image = image ? std::move(*image) : capture::Image{}};
     if (picture.image.width > 0) picture.jpeg = std::exchange(jpeg_bytes, nullptr);
-    if (pts) picture.stamp = capture::Timestamp{duration_of_ticks(*pts - clock_start.value_or(0))};
+    if (pts) picture.stamp = capture::Timestamp{duration_of_ticks(*pts - clock_start.value_or(decoding_delay))};
     ready.push_back(std::move(picture));
   }
 
@@ -629,7 +541,8 @@ struct VideoReader::Impl {
       return false;
     const double second = av_q2d(av_inv_q(stream->time_base));
     const double end = static_cast<double>(format->duration) / AV_TIME_BASE * second;  // from 0 on, in these headers
-    return static_cast<double>(*last_pts) + 2.5 * *ticks < end;
+    const std::int64_t before_0 = std::min<std::int64_t>(0, clock_start.value_or(0));  // a clock that has wrapped
+    return static_cast<double>(*last_pts - before_0) + 2.5 * *ticks < end;
   }
 
   std::optional<std::int64_t> frame_count() const {
@@ -667,10 +580,12 @@ struct VideoReader::Impl {
   int next_avi_entry = 0;
   std::int64_t delay_chunks = 0;            // of an AVI, after its first picture
   std::optional<std::int64_t> clock_start;  // ticks; of a container whose clock does not start at 0
+  std::int64_t decoding_delay = 0;          // ticks, before the first picture
   bool is_intra_only = false;
   bool is_delayed = false;
   bool is_avi = false;
   bool has_stamps = true;
+  bool has_only_times_of_decoding = false;
   bool warned_of_order = false;
   std::int64_t packets = 0;                            // read
   std::int64_t listed_packets = 0, listed_frames = 0;  // by the file's index or header; 0: unknown
@@ -713,7 +628,8 @@ std::optional<std::int64_t> VideoReader::frame_count() const {
 
 capture::Duration VideoReader::frame_period() const {
   if (!impl_->stream) return capture::Duration::zero();
-  const double rate = av_q2d(impl_->stream->avg_frame_rate);
+  // Without a container the pictures' own headers may say it, after the first one.
+  const double rate = av_q2d(impl_->has_stamps ? impl_->stream->avg_frame_rate : impl_->codec.codec().framerate);
   return rate > 0 && std::isfinite(rate) ? capture::duration_of(1 / rate) : capture::Duration::zero();
 }
 

@@ -64,10 +64,11 @@ std::string mistake_text(const view_watch::Mistake& mistake, const object_tracki
           disagrees);
     case MistakeKind::upside_down:
       return fmt::format(
-          "{}, and agrees if its pictures are turned by 180 degrees: the camera, a program or a rotation tag turns "
+          "{}, and agree{} if {} pictures are turned by 180 degrees: the camera, a program or a rotation tag turns "
           "them, and did not when the rig was calibrated: undo that (a tag: ffmpeg -i IN -c copy -metadata:s:v "
           "rotate=0 OUT), or calibrate again",
-          disagrees);
+          names.empty() ? fmt::format("the cameras disagree by {:.0f} px", mistake.off_px) : disagrees,
+          names.empty() ? "" : "s", names.empty() ? "all" : "its");
     case MistakeKind::other_rig:
       return fmt::format(
           "no two cameras agree on the position of {}, their views are {:.0f} px apart: the rig looks like that of "

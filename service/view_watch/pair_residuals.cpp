@@ -83,7 +83,7 @@ PairComparison::Placed PairComparison::placed(const std::vector<Track>& tracks, 
                s.below_middle * (of_real.readout_s.value_or(0) - of_slot.readout_s.value_or(0));
   }
   if (!with.late_s.empty()) out.t_s -= with.late_s[real];
-  if (real == with.camera) {
+  if (real == with.camera || with.camera == FaultHypothesis::every_camera) {
     if (with.is_mirrored || with.is_upside_down) {
       const Eigen::Vector2d from_end(camera.image_size.width - 1 - s.px.x(), camera.image_size.height - 1 - s.px.y());
       const auto ray = camera.model.ray({{from_end.x(), with.is_upside_down ? from_end.y() : s.px.y()}});

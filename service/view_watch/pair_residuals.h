@@ -42,6 +42,7 @@ struct FaultHypothesis {
   std::vector<std::size_t> really = {};
   // Per camera, seconds by which its times are to be made earlier; empty: 0.
   std::vector<double> late_s = {};
+  static constexpr std::size_t every_camera = ~std::size_t{0};
   std::size_t camera = 0;                              // that the rest applies to
   Eigen::Vector3d turn_rad = Eigen::Vector3d::Zero();  // cam_from_world = exp(turn) * the rig's
   double zoom = 1;                                     // its focal length in the rig's

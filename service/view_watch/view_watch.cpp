@@ -212,6 +212,12 @@ class FaultHypotheses {
           true);
   }
 
+  // By one program, or because the cameras hang on the ceiling.
+  void try_all_upside_down() {
+    judge({.kind = MistakeKind::upside_down, .cameras = {}},
+          {.camera = FaultHypothesis::every_camera, .is_upside_down = true}, true);
+  }
+
   // The answer with the lowest cost, if it is significant; without answers another rig or a contradiction. While the
   // best answer is not significant yet, no other one is returned: it would be blamed for the best one's effect.
   std::optional<Mistake> best() {
@@ -581,6 +587,7 @@ std::optional<Mistake> ViewWatch::explained(const PairComparison::Agreement& as_
     hypotheses.try_turn(c);
     hypotheses.try_zoom(c);
   }
+  if (is_clear) hypotheses.try_all_upside_down();
   if (is_clear && (are_few || !hypotheses.has_answer())) hypotheses.try_times_of_all(time_shifts_);
   return hypotheses.best();
 }

@@ -26,7 +26,7 @@ enum class MistakeKind : std::uint8_t {
   turned,         // one camera, or two if it cannot be decided which; size: radians
   zoomed,         // one camera; size: ratio of its focal length to the rig's
   mirrored,       // one camera; size: none
-  upside_down,    // one camera, whose pictures are turned by 180 degrees; size: none
+  upside_down,    // one camera, or all (none named), whose pictures are turned by 180 degrees; size: none
   other_rig,      // no two cameras are consistent
   contradiction,  // views are inconsistent, and nothing above explains it
   wrong_order,    // of pictures, in all views alike; size: the largest jump, metres

@@ -270,6 +270,8 @@ TEST(BoardDetectorTrouble, AWrongBoardFileIsExplained) {
   counted_squares.columns = 10;
   counted_squares.rows = 7;
   EXPECT_THAT(explanation(chessboard.board, counted_squares), HasSubstr("a chessboard of 9x6 inner corners"));
+  std::swap(counted_squares.columns, counted_squares.rows);  // the order of the file is kept
+  EXPECT_THAT(explanation(chessboard.board, counted_squares), HasSubstr("a chessboard of 6x9 inner corners"));
   Board smaller = chessboard.board;
   smaller.columns = 8;
   EXPECT_THAT(explanation(chessboard.board, smaller), HasSubstr("a chessboard of 9x6 inner corners"));

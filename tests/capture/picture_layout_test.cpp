@@ -86,7 +86,7 @@ TEST(PictureLayout, TurnsEveryFormatByEveryTag) {
 TEST(PictureLayout, AFieldsRowsStayAndTheOthersAreInterpolated) {
   const Image from = picture(PixelFormat::grey);
   for (const bool is_top_first : {true, false}) {
-    const Image to = first_field(from, is_top_first);
+    const Image to = first_field(from, is_top_first ? FirstField::top : FirstField::bottom);
     for (int v = 0; v < from.height; ++v) {
       const bool is_own = (v % 2 == 0) == is_top_first;
       const int above = v > 0 ? v - 1 : v + 1, below = v + 1 < from.height ? v + 1 : v - 1;

@@ -136,10 +136,10 @@ TEST_F(FieldCases, TablesOfTimesAreReadOrRefusedForTheRightReason) {
 
 // A table with a row for every frame of the films, k-th at k / 30 s.
 TEST_F(FieldCases, TimesThatTheFilesContradictAreNamed) {
-  const auto table = [&](int first, double unit_s, bool has_commas) {
+  const auto table = [&](int first, double unit_s, bool has_commas, int rows = 150) {
     std::ofstream out(folder_ / "t.csv");
     out << "frame,t_s\n";
-    for (int k = 0; k < 150; ++k) {
+    for (int k = 0; k < rows; ++k) {
       std::string time = std::to_string(k / 30.0 / unit_s);
       if (has_commas) time[time.find('.')] = ',';
       out << k + first << ',' << time << '\n';
@@ -153,6 +153,15 @@ TEST_F(FieldCases, TimesThatTheFilesContradictAreNamed) {
   const Replayed from_1 = played("timestamps: t.csv");
   EXPECT_LT(from_1.rms_mm, 3) << from_1.text;
   EXPECT_THAT(from_1.text, HasSubstr("t.csv counts its frames from 1"));
+  table(1, 1, false, 140);
+  const Replayed rows_missing = played("timestamps: t.csv");
+  EXPECT_EQ(rows_missing.status, 3) << rows_missing.text;
+  EXPECT_THAT(rows_missing.text, AllOf(HasSubstr("  mistake "), HasSubstr("no row for frame 0")));
+  EXPECT_EQ(played("timestamps: t.csv, trust_times: true").status, 0);
+  table(0, 2, false);
+  const Replayed half_the_rate = played("timestamps: t.csv");
+  EXPECT_EQ(half_the_rate.status, 3) << half_the_rate.text;
+  EXPECT_THAT(half_the_rate.text, HasSubstr("t.csv says 60, but the file itself 30"));
   table(0, 60, false);
   const Replayed minutes = played("timestamps: t.csv");
   EXPECT_EQ(minutes.status, 1) << minutes.text;
@@ -165,6 +174,14 @@ TEST_F(FieldCases, TimesThatTheFilesContradictAreNamed) {
                                HasSubstr("add trust_times: true")));
   EXPECT_EQ(played("fps: 30").status, 0);
   EXPECT_THAT(played("fps: 25, trust_times: true").text, Not(HasSubstr("fps says")));
+}
+
+TEST_F(FieldCases, GreyPicturesAreTheReasonThatNothingIsTracked) {
+  for (int k = 0; k < 30; ++k)
+    std::ofstream(folder_ / (std::to_string(k) + ".pgm")) << "P5\n320 240\n255\n" << std::string(320 * 240, char(90));
+  const Replayed grey = replay({recording("frames: '%d.pgm', fps: 30", "frames: '%d.pgm', fps: 30")});
+  EXPECT_THAT(grey.text, AllOf(HasSubstr("never tracking"), HasSubstr("the pictures of all cameras are grey"),
+                               Not(HasSubstr("widen its colour"))));
 }
 
 TEST_F(FieldCases, TruthsAreReadOrNamed) {

@@ -408,6 +408,10 @@ TEST_F(Peers, ARefusalNamesTheToolAndTheKeys) {
   EXPECT_THAT(error_of("wrong.toml", toml_section("cam_0", truth().cameras[0], 1), {.format = ExchangeFormat::ros}),
               AllOf(HasSubstr("--from, ros"), HasSubstr("looks like aniposelib")));
   EXPECT_THAT(error_of("anchors.yaml", "a: &x [1]\nb: *x\n"), HasSubstr("anchors.yaml:2"));
+  EXPECT_THAT(error_of("cameras.txt",
+                       "# Camera list with one line of data per camera:\n#   CAMERA_ID, MODEL, WIDTH, "
+                       "HEIGHT, PARAMS[]\n1 OPENCV 640 480 500 500 320 240 0 0 0 0\n"),
+              AllOf(HasSubstr("is a table of COLMAP"), HasSubstr("cx - 0.5")));
   EXPECT_THAT(error_of("calib.mat", std::string("MATLAB 5.0 MAT-file\0\1", 21)), HasSubstr("is a binary file"));
 }
 

@@ -6,6 +6,8 @@
 #include <fstream>
 #include <random>
 
+#include "calib/files/config_error.h"
+
 namespace huetrack::files {
 namespace {
 
@@ -29,6 +31,66 @@ TEST(FileOrder, NumbersInNamesCompareAsNumbers) {
     EXPECT_EQ(shuffled, ordered);
     for (const auto& name : ordered) EXPECT_FALSE(numbers_ascend(name, name)) << name;
   }
+}
+
+std::vector<std::filesystem::path> sorted(std::vector<std::filesystem::path> files) {
+  std::mt19937_64 random(1);
+  std::ranges::shuffle(files, random);
+  sort_by_numbers(files);
+  return files;
+}
+
+TEST(FileOrder, AMinusIsASignWhereOtherNamesHaveNone) {
+  for (const std::vector<std::filesystem::path>& ordered :
+       {std::vector<std::filesystem::path>{"frame-10.png", "frame-9.png", "frame-1.png", "frame0.png", "frame9.png"},
+        {"f-010.png", "f-009.png", "f0000.png", "f0010.png"},
+        {"t-0.5s.png", "t-0.25s.png", "t0.0s.png", "t0.25s.png"},
+        {"t-2.png", "t-1.png", "t+0.png", "t+1.png", "t+10.png"},
+        {"run1_f-2.png", "run1_f-1.png", "run2_f-1.png", "run2_f0.png"},
+        {"-2.png", "-1.png", "0.png", "1.png"},
+        // separators
+        {"img-1.png", "img-2.png", "img-10.png"},
+        {"2026-11-28.png", "2026-11-29.png", "2026-12-01.png"},
+        {"a1.png", "a1-1.png", "a1-2.png", "a2.png"}})
+    EXPECT_EQ(sorted(ordered), ordered);
+}
+
+TEST(FileOrder, AMinusThatMayBeBothIsRefused) {
+  for (const std::vector<std::filesystem::path>& files :
+       {std::vector<std::filesystem::path>{"f-1.png", "f-2.png", "f-3.png", "f1.png", "f2.png",
+                                           "f3.png"},            // two series
+        {"f-1.png", "f-2.png", "f-3.png", "f4.png", "f5.png"}})  // one series, whose writer changed
+    try {
+      sorted(files);
+      ADD_FAILURE() << "is not refused";
+    } catch (const ConfigError& error) {
+      EXPECT_THAT(error.what(), testing::HasSubstr("may be a sign or a separator"));
+    }
+}
+
+TEST(FileOrder, HexadecimalCountersAreOrderedByLetters) {
+  std::vector<std::filesystem::path> ordered;
+  for (const char* hex : {"08", "09", "0a", "0b", "0f", "10", "11", "12"})
+    ordered.emplace_back("f" + std::string(hex) + "_x.png");
+  EXPECT_EQ(sorted(ordered), ordered);
+  EXPECT_TRUE(hold_an_order(ordered));
+}
+
+TEST(FileOrder, NamesOfLettersAndHashesHoldNone) {
+  EXPECT_FALSE(hold_an_order({"red.png", "green.png", "blue.png"}));
+  std::mt19937_64 random(1);
+  std::vector<std::filesystem::path> hashes, after_number;
+  for (int k = 0; k < 100; ++k) {
+    std::string hash;
+    for (int digit = 0; digit < 32; ++digit) hash += "0123456789abcdef"[random() % 16];
+    hashes.emplace_back("cam0/" + hash + ".png");
+    after_number.emplace_back("cam0/frame_" + std::to_string(k) + "_jpg.rf." + hash + ".png");
+  }
+  EXPECT_FALSE(hold_an_order(hashes));
+  EXPECT_TRUE(hold_an_order(after_number));
+  EXPECT_TRUE(hold_an_order({"a_1.png", "a_2.png", "b_1.png", "b_2.png"}));
+  EXPECT_TRUE(hold_an_order({"run_a/1.png", "run_a/2.png", "run_b/1.png", "run_b/2.png"}));
+  EXPECT_TRUE(hold_an_order({"left.png", "right.png"})) << "too few to know";
 }
 
 TEST(FileOrder, OrdersNamesThatDifferOnlyInLeadingZeros) {

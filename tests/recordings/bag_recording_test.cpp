@@ -1,6 +1,7 @@
 // Bags of ROS as recordings: every container, compression and encoding, damage, names.
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <map>
 #include <random>
 #include <string>
@@ -130,6 +131,15 @@ TEST_F(BagRecording, ASimulatedClockBeginsAtZero) {
   const Played played = play(write("a.mcap", mcap_of(messages, {})), {"left"});
   EXPECT_EQ(played.at_ns.at(0), expected);
   EXPECT_THAT(played.warnings, IsEmpty());
+}
+
+// Of a network, or a recorder with several threads: one picture comes up to eight later.
+TEST_F(BagRecording, MessagesAreInTheOrderOfTheirTimes) {
+  for (const auto& [from, to] : {std::pair{6, 8}, {3, 11}}) {
+    auto messages = two_cameras({});
+    std::rotate(messages.begin() + 3 * from, messages.begin() + 3 * from + 3, messages.begin() + 3 * to);
+    expect_all(write("a.mcap", mcap_of(messages, {})));
+  }
 }
 
 TEST_F(BagRecording, PlaysMcapOfRos1Messages) {

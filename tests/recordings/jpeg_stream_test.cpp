@@ -57,6 +57,42 @@ class FilesOfCameras : public testing::Test {
   const std::filesystem::path folder = temporary.path();
 };
 
+std::string with_orientation(const std::string& jpeg, char tag) {
+  const std::string exif("Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0", 24);
+  const std::string data = exif + std::string(1, tag) + std::string(7, '\0');
+  return jpeg.substr(0, 2) + "\xff\xe1" + std::string({'\0', char(data.size() + 2)}) + data + jpeg.substr(2);
+}
+
+// A phone's or webcam's, on its head: level 100 + 40 in the upper left quarter.
+TEST_F(FilesOfCameras, JpegsOneAfterTheOtherAreTurnedAsTheirTagsSay) {
+  const auto corner = capture::make_image(capture::PixelFormat::grey, capture::ColorRange::full, 64, 48);
+  for (int v = 0; v < 48; ++v)
+    for (int u = 0; u < 64; ++u) corner.data[0][v * 64 + u] = static_cast<std::uint8_t>(u < 32 && v < 24 ? 140 : 100);
+  const auto bytes = capture::encode_picture(corner.image, {64, 48}, 95);
+  const std::string tagged = with_orientation({bytes.begin(), bytes.end()}, 3);
+  capture::write_text(folder / "a.mjpeg", tagged + tagged);
+  capture::write_text(folder / "recording.yaml", "version: 1\ncameras:\n  cam: {frames: a.mjpeg, fps: 10}\n");
+  ReplaySource source(read_recording(folder), std::vector<std::string>{"cam"});
+  const auto frame = source.next({});
+  ASSERT_TRUE(frame);
+  EXPECT_NEAR(capture::yuv_at(frame->pixels, 50, 40).y, 140, 3);
+  EXPECT_NEAR(capture::yuv_at(frame->pixels, 10, 10).y, 100, 3);
+  EXPECT_TRUE(source.cameras()[0].is_turned);
+  EXPECT_THAT(source.take_warnings(), ElementsAre(HasSubstr("turned by 180 degrees")));
+}
+
+TEST_F(FilesOfCameras, APictureWithoutItsBeginningKeepsItsNumber) {
+  for (const std::string between : {"", "\r\n--b\r\nContent-Type: image/jpeg\r\n\r\n"}) {
+    std::string bytes;
+    for (int k = 0; k < 5; ++k) bytes += grey_jpeg(k) + between;
+    capture::write_text(folder / "a.mjpeg", bytes.substr(grey_jpeg(0).size() / 2));
+    const Played played = play("frames: a.mjpeg, fps: 10");
+    EXPECT_THAT(played.shown, ElementsAre(-1, 1, 2, 3, 4));
+    EXPECT_EQ(played.at.back(), capture::Timestamp(400ms));
+    EXPECT_THAT(played.warnings, ElementsAre(HasSubstr("begins inside a picture, which counts as frame 0")));
+  }
+}
+
 TEST_F(FilesOfCameras, JpegsOneAfterTheOther) {
   std::string plain, saved;
   for (int k = 0; k < 5; ++k) {
@@ -140,6 +176,23 @@ TEST_F(FilesOfCameras, PartsThatWereWrittenSeparatelyAreOneFilm) {
     EXPECT_EQ(parts.shown, expected) << name;
     EXPECT_THAT(parts.warnings, testing::IsEmpty()) << name;
   }
+}
+
+TEST_F(FilesOfCameras, AMissingPartIsNamedAndTheOthersKeepTheirTimes) {
+  capture::Clip clip{.codec = "mpeg2video", .format = AV_PIX_FMT_YUV420P, .fps = 25, .key_frame_every = 6};
+  clip.frames = 18;
+  for (const int part : {0, 2}) {
+    clip.tamper = [&](int k, AVPacket& packet) {
+      packet.pts += 10, packet.dts += 10;
+      return k / 6 == part;
+    };
+    capture::write_clip(folder / "film" / (std::to_string(part) + ".ts"), clip);
+  }
+  const Played played = play("frames: film");
+  EXPECT_THAT(played.shown, ElementsAre(0, 1, 2, 3, 4, 5, 12, 13, 14, 15, 16, 17));
+  EXPECT_NEAR(capture::seconds(played.at.back()), 17 / 25., 1e-4);
+  EXPECT_THAT(played.warnings,
+              ElementsAre(AllOf(HasSubstr("2.ts: begins 0.24 s after 0.ts ends"), HasSubstr("a part is missing"))));
 }
 
 // As action cameras write them.

@@ -3,6 +3,7 @@
 
 #include <cstring>
 #include <map>
+#include <opencv2/imgcodecs.hpp>
 
 #include "calib/files/config_error.h"
 #include "capture/clips.h"
@@ -154,6 +155,37 @@ TEST_F(FieldFile, AnAviMayHaveAnEmptyChunkAfterEveryPicture) {
   }
 }
 
+// FLV stores times of decoding from 0 on, and MP4 without an edit list.
+TEST_F(FieldFile, TheDelayOfDecodingIsNoTime) {
+  for (const std::string file : {"a.flv", "a.mp4", "a.mkv", "a.ts", "a.avi", "a.wmv"}) {
+    const FieldPlay played = play_field(write(file, with_b_frames("libx264")));
+    EXPECT_EQ(played.shown, numbers_to(18)) << file;
+    expect_even_times(played);
+    EXPECT_NEAR(played.at_frames.front(), 0, 0.03) << file;
+  }
+  Clip later = with_b_frames("libx264");  // one of another clock
+  later.tamper = [](int, AVPacket& packet) {
+    packet.pts += 5, packet.dts += 5;
+    return true;
+  };
+  EXPECT_NEAR(play_field(write("later.flv", later)).at_frames.front(), 5, 0.03);
+}
+
+TEST_F(FieldFile, GreyFilmsAreKnown) {
+  for (const bool is_grey : {true, false}) {
+    const Clip clip{.codec = "ffv1", .format = is_grey ? AV_PIX_FMT_GRAY8 : AV_PIX_FMT_YUV422P};
+    Recording recording;
+    recording.cameras.resize(1);
+    recording.cameras[0].name = "cam";
+    recording.cameras[0].frames = write("a.mkv", clip);
+    const std::vector<std::string> names{"cam"};
+    ReplaySource source(recording, names, {});
+    while (source.next({})) {
+    }
+    EXPECT_EQ(source.cameras()[0].is_grey, is_grey);
+  }
+}
+
 TEST_F(FieldFile, StampsInTheOrderOfDecodingAreNamedAndPutInOrder) {
   for (const std::string file : {"a.mkv", "a.mp4", "a.mov", "a.ts"})
     for (const std::string codec : {"mpeg4", "libx264"}) {
@@ -174,20 +206,27 @@ TEST_F(FieldFile, StampsInTheOrderOfDecodingAreNamedAndPutInOrder) {
 }
 
 TEST_F(FieldFile, ElementaryStreamsHaveNoTimeStamps) {
-  for (const auto& [file, codec] : {std::pair{"a.m2v", "mpeg2video"}, {"a.h264", "libx264"}}) {
+  for (const auto& [file, codec] : {std::pair{"a.m2v", "mpeg2video"}, {"a.h264", "libx264"}, {"a.hevc", "libx265"}}) {
     Clip clip = with_b_frames(codec);
     clip.fps = 25;
-    if (codec == std::string("mpeg2video")) clip.b_frames = 0;
+    if (codec != std::string("libx264")) clip.b_frames = 0;
+    if (codec == std::string("libx265")) clip.height = clip.width;
     const auto path = write(file, clip);
-    const FieldPlay given = play_field(path, field_fps);
+    const FieldPlay given = play_field(path, 25);
     EXPECT_THAT(given.shown, numbers_to(18)) << file;
-    expect_even_times(given);
+    EXPECT_NEAR(given.at_frames.back(), 17. / 25 * field_fps, 0.03) << file;
     EXPECT_THAT(given.warnings, IsEmpty()) << file;
+    const FieldPlay contradicted = play_field(path, 10);
+    expect_even_times(contradicted);
+    EXPECT_THAT(contradicted.warnings, ElementsAre(HasSubstr("fps says 10, but the file itself 25 frames a second: if "
+                                                             "the file is right, correct fps; if fps is right")))
+        << file;
     try {
       play_field(path);
       ADD_FAILURE() << file;
     } catch (const files::ConfigError& error) {
-      EXPECT_THAT(error.what(), HasSubstr("has no time stamps: give fps")) << file;
+      EXPECT_THAT(error.what(), AllOf(HasSubstr("has no time stamps: give fps"), HasSubstr("header says 25 frames")))
+          << file;
     }
   }
 }
@@ -335,6 +374,29 @@ TEST_F(FieldFile, OnlyTheFirstFieldOfInterlacedFramesIsShown) {
     }
 }
 
+// Of a program that lost the tag: the second field shows another level.
+TEST_F(FieldFile, FieldsThatTheRecordingStatesArePlayed) {
+  for (const bool is_top_first : {true, false}) {
+    Clip clip{.codec = "ffv1", .fields = is_top_first ? Clip::Fields::top_first : Clip::Fields::bottom_first};
+    const auto film = write("combs.mkv", clip);
+    Recording recording;
+    recording.file = "recording.yaml";
+    recording.cameras.resize(1);
+    recording.cameras[0].name = "cam";
+    recording.cameras[0].frames = film;
+    recording.cameras[0].first_field = is_top_first ? capture::FirstField::top : capture::FirstField::bottom;
+    const std::vector<std::string> names{"cam"};
+    ReplaySource source(recording, names, {});
+    for (int k = 0; const auto frame = source.next({}); ++k)
+      for (int v = 20; v < 28; ++v)
+        EXPECT_EQ(capture::yuv_at(frame->pixels, 40, v).y, capture::level_of_frame(k)) << is_top_first << k << v;
+    EXPECT_THAT(source.take_warnings(), IsEmpty());
+    recording.cameras[0].first_field = is_top_first ? capture::FirstField::bottom : capture::FirstField::top;
+    ReplaySource other(recording, names, {});
+    EXPECT_EQ(capture::yuv_at(other.next({})->pixels, 40, 24).y, capture::level_of_frame(0) + capture::second_field);
+  }
+}
+
 TEST_F(FieldFile, PicturesAreTurnedAsTheirTagSays) {
   for (const double degrees : {90., 180., 270.}) {
     Clip clip{.codec = "mpeg4", .format = AV_PIX_FMT_YUV420P, .frames = 2};
@@ -438,6 +500,23 @@ TEST(FieldCases, ArePlayedWhole) {
     EXPECT_THAT(played.shown, SizeIs(count)) << file;
     EXPECT_THAT(played.images, SizeIs(count)) << file;
     for (const auto& warning : played.warnings) EXPECT_THAT(warning, testing::Not(HasSubstr("decode"))) << file;
+  }
+}
+
+// FFmpeg decodes it as black.
+TEST_F(FieldFile, JpegInTiffIsRead) {
+  for (const int type : {CV_8UC3, CV_8UC1})
+    for (int k = 0; k < 3; ++k) {
+      // strips of a multiple of 16 rows, as JPEG needs
+      const cv::Mat picture(48, 170, type, cv::Scalar::all(capture::level_of_frame(k)));
+      constexpr int as_jpeg = 7;
+      ASSERT_TRUE(cv::imwrite(folder / (std::to_string(type) + "_" + std::to_string(k) + ".tif"), picture,
+                              {cv::IMWRITE_TIFF_COMPRESSION, as_jpeg}));
+    }
+  for (const int type : {CV_8UC3, CV_8UC1}) {
+    const FieldPlay played = play_field(folder / (std::to_string(type) + "_%d.tif"), 30);
+    EXPECT_EQ(played.shown, numbers_to(3)) << type;
+    EXPECT_THAT(played.warnings, IsEmpty());
   }
 }
 

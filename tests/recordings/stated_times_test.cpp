@@ -2,6 +2,8 @@
 
 #include <gmock/gmock.h>
 
+#include <cmath>
+
 namespace huetrack::recordings {
 namespace {
 
@@ -63,33 +65,85 @@ TEST(ListedTimes, ThatNoUnitExplainsMayBeRight) {
   EXPECT_THAT(of_images->text, HasSubstr("1 to 1000 pictures a second"));
 }
 
-TEST(GivenRate, AsTheFilesIsRight) {
+RecordedCamera at_rate(double fps) {
+  RecordedCamera camera;
+  camera.fps = fps;
+  return camera;
+}
+
+capture::Timestamp at_s(double s) {
+  return capture::Timestamp{capture::duration_of(s)};
+}
+
+TEST(TimesBesideFilm, AsTheFilmsAreRight) {
   for (const double fps : {30., 29.97, 30.3}) {
-    GivenRate rate(fps, at_30_hz);
+    TimesBesideFilm times(at_rate(fps), at_30_hz);
     for (int k = 0; k < 3000; ++k) {
       const auto late = k % 7 == 0 ? 10ms : 0ms;  // is made up for
-      rate.see(k, capture::Timestamp{k * at_30_hz + late});
+      times.see(k, at_s(k / fps), capture::Timestamp{k * at_30_hz + late});
     }
-    EXPECT_THAT(rate.take_problems(), IsEmpty()) << fps;
+    times.end();
+    EXPECT_THAT(times.take_problems(), IsEmpty()) << fps;
   }
 }
 
-TEST(GivenRate, ContradictsTheFile) {
-  GivenRate rate(25, at_30_hz);
-  for (int k = 0; k < 30; ++k) rate.see(k, capture::Timestamp{k * at_30_hz});
-  EXPECT_THAT(rate.take_problems(), ElementsAre(AllOf(HasSubstr("fps says 25, but the file itself 30 frames a second"),
-                                                      HasSubstr("slow motion"), HasSubstr("trust_times: true"))));
+TEST(TimesBesideFilm, ContradictTheFilm) {
+  TimesBesideFilm times(at_rate(25), at_30_hz);
+  for (int k = 0; k < 30; ++k) times.see(k, at_s(k / 25.), capture::Timestamp{k * at_30_hz});
+  EXPECT_THAT(times.take_problems(), ElementsAre(AllOf(HasSubstr("fps says 25, but the file itself 30 frames a second"),
+                                                       HasSubstr("slow motion"), HasSubstr("trust_times: true"))));
 }
 
-TEST(GivenRate, ContradictsAFileThatLacksFrames) {
+TEST(TimesBesideFilm, ContradictAFilmThatLacksFrames) {
   for (const double fps : {30., 29.2})  // the second one: the header's average
     for (const int dropped : {1, 5}) {
-      GivenRate rate(fps, capture::duration_of(1 / 29.2));
-      for (int k = 0; k < 200; ++k) rate.see(k, capture::Timestamp{(k < 100 ? k : k + dropped) * at_30_hz});
-      EXPECT_THAT(rate.take_problems(),
+      TimesBesideFilm times(at_rate(fps), capture::duration_of(1 / 29.2));
+      for (int k = 0; k < 200; ++k)
+        times.see(k, at_s(k / fps), capture::Timestamp{(k < 100 ? k : k + dropped) * at_30_hz});
+      EXPECT_THAT(times.take_problems(),
                   ElementsAre(AllOf(HasSubstr(dropped == 1 ? "a frame is missing" : "5 frames are missing"),
                                     HasSubstr("before frame 100"), HasSubstr("trust_times: true"))));
     }
+}
+
+// 50 frames at this rate by a table and by the film, whose header says the latter. Measured times are late by 0 to 8
+// ms.
+std::vector<std::string> problems_of(double listed_hz, bool is_listed_measured, double film_hz, bool is_film_measured,
+                                     int dropped_at = 1000) {
+  const auto late_s = [](int k) { return 0.002 * ((k * 7) % 5); };
+  RecordedCamera camera;
+  camera.times_file = "t.csv";
+  for (int k = 0; k < 50; ++k)
+    camera.timestamps.emplace_back(k, at_s(k / listed_hz + (is_listed_measured ? late_s(k) : 0)));
+  TimesBesideFilm times(camera, capture::duration_of(1 / film_hz));
+  for (int k = 0; k < 50; ++k) {
+    const double film_s = (k < dropped_at ? k : k + 1) / film_hz + (is_film_measured ? late_s(k + 3) : 0);
+    times.see(k, camera.timestamps[std::size_t(k)].second, at_s(std::round(film_s * 1e3) / 1e3));  // as Matroska
+  }
+  times.end();
+  return times.take_problems();
+}
+
+TEST(TimesBesideFilm, ThatWereMeasuredAreRightWhereAHeaderIsNot) {
+  for (const double hz : {7.5, 15., 60., 120.}) EXPECT_THAT(problems_of(hz, true, 30, false), IsEmpty()) << hz;
+  for (const bool is_film_measured : {false, true}) {
+    EXPECT_THAT(problems_of(30, true, 30, is_film_measured), IsEmpty());
+    EXPECT_THAT(problems_of(30, false, 30, is_film_measured), IsEmpty());
+  }
+}
+
+TEST(TimesBesideFilm, OfATableContradictAFilmThatIsAsGoodOrBetter) {
+  for (const double hz : {7.5, 15., 25., 60., 120.})
+    for (const auto& [is_listed_measured, is_film_measured] : {std::pair{false, false}, {false, true}, {true, true}})
+      EXPECT_THAT(problems_of(hz, is_listed_measured, 30, is_film_measured),
+                  ElementsAre(AllOf(HasSubstr("t.csv says "), HasSubstr("leave timestamps out"),
+                                    HasSubstr("trust_times: true"))))
+          << hz;
+}
+
+TEST(TimesBesideFilm, OfAnEvenTableContradictAFilmThatLacksAFrame) {
+  EXPECT_THAT(problems_of(30, false, 30, false, 20),
+              ElementsAre(AllOf(HasSubstr("a frame is missing before frame 20"), HasSubstr("t.csv gives times"))));
 }
 
 }  // namespace

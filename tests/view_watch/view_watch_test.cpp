@@ -131,6 +131,19 @@ TEST_F(ViewWatchOfScene, mirroredAndTurnedPictures) {
   }
 }
 
+TEST_F(ViewWatchOfScene, AllPicturesUpsideDown) {
+  format = capture::PixelFormat::i444;
+  spoil = [](std::vector<capture::FrameSet>& sets) {
+    for (auto& set : sets)
+      for (auto& frame : set.frames)
+        frame->pixels = capture::turned(frame->pixels, {.column_by_column = -1, .row_by_row = -1});
+  };
+  const auto mistakes = watch();
+  ASSERT_EQ(mistakes.size(), 1u);
+  EXPECT_EQ(mistakes[0].kind, MistakeKind::upside_down);
+  EXPECT_THAT(mistakes[0].cameras, testing::IsEmpty());
+}
+
 TEST_F(ViewWatchOfScene, anEstimatedLatencyIsNamed) {
   spoil = [](std::vector<capture::FrameSet>& sets) {
     constexpr std::size_t frames = 3;

@@ -9,7 +9,6 @@ extern "C" {
 #include <array>
 #include <cstdarg>
 #include <cstdio>
-#include <string_view>
 #include <utility>
 
 namespace huetrack::capture {
@@ -17,11 +16,8 @@ namespace {
 
 thread_local FfmpegLog* log_of_this_thread = nullptr;
 
-// Its TIFF decoder logs tags that it does not know, and libtiff always writes one of them, as errors.
-constexpr std::string_view remark_on_a_tag = "Unknown or unsupported tag";
-
 void on_log(void* source, int level, const char* format, va_list arguments) {
-  if (level > AV_LOG_ERROR || std::string_view(format).starts_with(remark_on_a_tag)) return;
+  if (level > AV_LOG_ERROR) return;
   FfmpegLog* log = log_of_this_thread;
   const bool is_of_codec = source && *static_cast<const AVClass* const*>(source) == avcodec_get_class();
   if (!log && is_of_codec)

@@ -190,8 +190,9 @@ std::optional<Image> PictureMaker::image_of(FramePtr frame, AVCodecID codec) {
   if (const AVFrameSideData* tag = av_frame_get_side_data(frame.get(), AV_FRAME_DATA_DISPLAYMATRIX))
     read_orientation(tag->data, layout_);
   // A PNG's interlacing is the order of its bytes, not of the exposure.
-  const bool is_interlaced = frame->interlaced_frame != 0 && codec != AV_CODEC_ID_PNG && codec != AV_CODEC_ID_APNG;
-  const bool is_top_first = frame->top_field_first != 0;
+  const bool is_interlaced =
+      !keeps_fields_ && frame->interlaced_frame != 0 && codec != AV_CODEC_ID_PNG && codec != AV_CODEC_ID_APNG;
+  const FirstField first = frame->top_field_first != 0 ? FirstField::top : FirstField::bottom;
   layout_.is_interlaced = layout_.is_interlaced || is_interlaced;
   const ColorRange range = range_of(*frame, codec);
   auto ours = pixel_format_of(static_cast<AVPixelFormat>(frame->format), frame->width, frame->height);
@@ -202,7 +203,7 @@ std::optional<Image> PictureMaker::image_of(FramePtr frame, AVCodecID codec) {
     ours = pixel_format_of(static_cast<AVPixelFormat>(frame->format), frame->width, frame->height);
   }
   const Image image = wrapped(std::move(frame), *ours, range);
-  return turned(is_interlaced ? first_field(image, is_top_first) : image, layout_.orientation);
+  return turned(is_interlaced ? first_field(image, first) : image, layout_.orientation);
 }
 
 }  // namespace huetrack::capture

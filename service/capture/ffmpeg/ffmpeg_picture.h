@@ -27,7 +27,8 @@ class PictureMaker {
   // Turned as its tag or the stream's says; of an interlaced one the first field, in full size.
   std::optional<Image> image_of(FramePtr frame, AVCodecID codec);
 
-  void set_stream(const AVStream& stream);  // its tags
+  void set_stream(const AVStream& stream);      // its tags
+  void keep_fields() { keeps_fields_ = true; }  // pictures tagged as interlaced stay whole
   // For pictures that FFmpeg did not decode: turned as their own tag (nullopt: none) or the stream's says.
   Image upright(const Image& image, std::optional<Orientation> own = {});
 
@@ -39,6 +40,7 @@ class PictureMaker {
  private:
   ScalerPtr scaler_;
   PictureLayout layout_;
+  bool keeps_fields_ = false;
   std::vector<std::string> taken_notes_;
 };
 

@@ -114,9 +114,7 @@ int StreamDecoder::open(const AVStream* stream, const AVCodec& decoder, const De
   }
   codec_->max_pixels = options.most_pixels;
   codec_->opaque = options.log;
-  codec_->err_recognition = AV_EF_CRCCHECK;
-  // FFmpeg's TIFF decoder would refuse every tag that it does not know.
-  if (decoder.id != AV_CODEC_ID_TIFF) codec_->err_recognition |= AV_EF_EXPLODE;
+  codec_->err_recognition = AV_EF_CRCCHECK | AV_EF_EXPLODE;
   if (options.is_live) codec_->flags |= AV_CODEC_FLAG_LOW_DELAY;
   codec_->thread_count = options.threads;
   codec_->thread_type = FF_THREAD_SLICE;

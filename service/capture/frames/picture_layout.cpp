@@ -116,7 +116,7 @@ Image turned(const Image& image, const Orientation& orientation) {
   return made.image;
 }
 
-Image first_field(const Image& image, bool is_top_first) {
+Image first_field(const Image& image, FirstField first) {
   if (!has_pixels(image)) return image;
   require_all(image);
   Image result = copy_of(image);
@@ -125,7 +125,7 @@ Image first_field(const Image& image, bool is_top_first) {
     const int rows = plane_rows(image.format, plane, image.height);
     const Plane& at = result.planes[static_cast<std::size_t>(plane)];
     const auto row = [&](int y) { return const_cast<std::uint8_t*>(at.data) + y * at.stride; };  // copy_of() made it
-    for (int y = is_top_first ? 1 : 0; bytes > 0 && y < rows; y += 2) {
+    for (int y = first == FirstField::top ? 1 : 0; bytes > 0 && y < rows; y += 2) {
       const std::uint8_t* above = row(y > 0 ? y - 1 : std::min(y + 1, rows - 1));
       const std::uint8_t* below = row(y + 1 < rows ? y + 1 : std::max(y - 1, 0));
       std::uint8_t* out = row(y);

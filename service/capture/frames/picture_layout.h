@@ -37,9 +37,11 @@ std::vector<std::string> notes_on(const PictureLayout& layout);
 // swapped.
 Image turned(const Image& image, const Orientation& orientation);
 
+enum class FirstField : std::uint8_t { top, bottom };  // of an interlaced picture: that of row 0, or of row 1
+
 // The picture of the first field of an interlaced one, in full size: the other field's rows are interpolated. So all
 // rows are of one moment, and stay where they were.
-Image first_field(const Image& image, bool is_top_first);
+Image first_field(const Image& image, FirstField first);
 
 // The orientation tag in a JPEG's EXIF data (cameras and phones write it); nullopt: none.
 std::optional<Orientation> exif_orientation(std::span<const std::uint8_t> jpeg);

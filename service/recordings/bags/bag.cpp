@@ -41,7 +41,7 @@ std::vector<fs::path> files_in(const fs::path& folder, std::string_view ending) 
   std::error_code error;
   for (const auto& entry : fs::directory_iterator(folder, error))
     if (entry.path().filename().string().ends_with(ending)) files.push_back(entry.path());
-  std::ranges::sort(files, files::numbers_ascend, &fs::path::native);
+  files::sort_by_numbers(files);
   return files;
 }
 

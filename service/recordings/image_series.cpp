@@ -1,0 +1,147 @@
+#include "recordings/image_series.h"
+
+#include <algorithm>
+#include <charconv>
+#include <optional>
+#include <string_view>
+#include <utility>
+
+#include "calib/files/config_error.h"
+#include "calib/files/file_order.h"
+#include "calib/files/number_text.h"
+
+namespace huetrack::recordings {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::string_view digits = "0123456789";
+
+// The number that a name has in place of a pattern's %d, as printf writes it: zero-padded up to the width.
+std::optional<std::int64_t> printed_number(std::string_view text, std::size_t width) {
+  const bool is_padded_enough = text.size() >= width;
+  const std::string_view unsigned_part = text.substr(text.starts_with('-') ? 1 : 0);
+  if (!is_padded_enough || unsigned_part.empty() || unsigned_part.find_first_not_of(digits) != std::string_view::npos ||
+      (text.size() > std::max<std::size_t>(width, 1) && unsigned_part.size() > 1 && unsigned_part.front() == '0'))
+    return std::nullopt;
+  std::int64_t number = 0;
+  const auto [end, problem] = std::from_chars(text.data(), text.data() + text.size(), number);
+  return problem == std::errc{} && end == text.data() + text.size() ? std::optional(number) : std::nullopt;
+}
+
+// The files of a printf pattern like cam0/%06d.png, by number; the pattern has exactly one %d in its last part.
+std::vector<ImageFile> files_of_pattern(const fs::path& pattern) {
+  const std::string name = pattern.filename().string();
+  const std::size_t begin = name.find('%');
+  std::size_t at = begin == std::string::npos ? name.size() : begin + 1;
+  std::size_t width = 0;
+  while (at < name.size() && name[at] >= '0' && name[at] <= '9' && width < 100)
+    width = 10 * width + static_cast<std::size_t>(name[at++] - '0');
+  if (at >= name.size() || name[at] != 'd' || name.find('%', at) != std::string::npos)
+    throw files::ConfigError(pattern, 0,
+                             "is not a pattern of image files: its last part must have one number like %06d");
+  const std::string_view prefix = std::string_view(name).substr(0, begin);
+  const std::string_view suffix = std::string_view(name).substr(at + 1);
+
+  std::vector<ImageFile> files;
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(pattern.parent_path(), error)) {
+    const std::string file = entry.path().filename().string();
+    if (file.size() <= prefix.size() + suffix.size() || !file.starts_with(prefix) || !file.ends_with(suffix)) continue;
+    const auto number = printed_number(
+        std::string_view(file).substr(prefix.size(), file.size() - prefix.size() - suffix.size()), width);
+    if (number) files.push_back({*number, entry.path()});
+  }
+  std::ranges::sort(files, {}, &ImageFile::number);
+  if (!files.empty() && files.back().number < 0)
+    throw files::ConfigError(pattern, 0,
+                             "all its numbers are negative, such as " + files.front().path.filename().string() +
+                                 ": if the - is a separator, write it into the pattern, before the %");
+  if (!files.empty())
+    for (const std::int64_t first = files.front().number; auto& file : files) file.number -= first;
+  return files;
+}
+
+std::vector<std::int64_t> last_numbers(const std::vector<fs::path>& files) {
+  std::vector<std::pair<std::int64_t, bool>> found;  // with a - before it?
+  for (const fs::path& file : files) {
+    const std::string name = file.stem().string();
+    const std::size_t last = name.find_last_of(digits);
+    if (last == std::string::npos) return {};
+    const std::size_t above = name.find_last_not_of(digits, last);
+    const std::size_t first = above == std::string::npos ? 0 : above + 1;
+    const auto number = files::number_of<std::int64_t>(name.substr(first, last + 1 - first));
+    if (!number) return {};
+    found.emplace_back(*number, first > 0 && name[first - 1] == '-');
+  }
+  // A sign is not before all.
+  const bool has_signs = std::ranges::any_of(found, [](const auto& number) { return !number.second; });
+  std::vector<std::int64_t> numbers;
+  for (const auto& [number, is_after_minus] : found) numbers.push_back(has_signs && is_after_minus ? -number : number);
+  return numbers;
+}
+
+// A glob counts files, so a missing one shifts the times of all that follow. Index of the first file after a gap in
+// numbers that otherwise go up by one.
+std::optional<std::size_t> after_a_gap(const std::vector<fs::path>& files) {
+  const auto numbers = last_numbers(files);
+  std::optional<std::size_t> after;
+  std::size_t gaps = 0;
+  for (std::size_t k = 1; k < numbers.size(); ++k) {
+    if (numbers[k] <= numbers[k - 1]) return std::nullopt;
+    if (numbers[k] != numbers[k - 1] + 1 && ++gaps == 1) after = k;
+  }
+  constexpr std::size_t one_in = 5;  // more gaps: numbered in steps
+  return gaps * one_in < files.size() ? after : std::nullopt;
+}
+
+// Cameras count to IMG_9999 and begin again: by numbers, the last pictures come first.
+bool is_counter_begun_again(const std::vector<fs::path>& files) {
+  const auto digits_of = [](const fs::path& file) {
+    const std::string name = file.stem().string();
+    const std::size_t above = name.find_last_not_of(digits);
+    return name.substr(above == std::string::npos ? 0 : above + 1);
+  };
+  if (!after_a_gap(files)) return false;
+  const std::string first = digits_of(files.front()), last = digits_of(files.back());
+  return last.size() > 1 && last.find_first_not_of('9') == std::string::npos &&
+         files::number_of<std::int64_t>(first).value_or(2) <= 1;
+}
+
+std::vector<ImageFile> files_of_glob(const RecordedCamera& camera, std::vector<std::string>& warnings) {
+  const auto paths = files::files_of_glob(camera.frames.string());
+  if (is_counter_begun_again(paths))
+    throw files::ConfigError(camera.frames, 0,
+                             "the numbers of the pictures begin again after " + paths.back().filename().string() +
+                                 ": by numbers the later ones would come first; rename those from " +
+                                 paths.front().filename().string() + " on, as to 10000 and so on (frames of camera " +
+                                 camera.name + ")");
+  // Whoever lists times for the files knows their order.
+  if (camera.timestamps.empty() && !files::hold_an_order(paths))
+    throw files::ConfigError(camera.frames, 0,
+                             "the names of the files hold no order, such as " + paths.front().filename().string() +
+                                 " and " + paths.back().filename().string() +
+                                 ": number them in the order in which they were taken (frames of camera " +
+                                 camera.name + ")");
+  if (const auto after = after_a_gap(paths))
+    warnings.push_back(camera.frames.string() + ": numbers are missing before " + paths[*after].filename().string() +
+                       ": a glob counts files; if pictures are missing there, give a pattern, like img%d.jpg");
+  std::vector<ImageFile> files;
+  for (const fs::path& path : paths) files.push_back({static_cast<std::int64_t>(files.size()), path});
+  return files;
+}
+
+}  // namespace
+
+std::vector<ImageFile> image_files_of(const RecordedCamera& camera, std::vector<std::string>& warnings) {
+  const bool is_pattern = camera.frames.filename().string().find('%') != std::string::npos;
+  const bool is_glob = camera.frames.string().find_first_of("*?[") != std::string::npos;
+  std::error_code error;
+  if ((!is_pattern && !is_glob) || fs::exists(camera.frames, error)) return {};
+  auto files = is_pattern ? files_of_pattern(camera.frames) : files_of_glob(camera, warnings);
+  if (files.empty())
+    throw files::ConfigError(camera.frames, 0, "no file matches this pattern (frames of camera " + camera.name + ")");
+  return files;
+}
+
+}  // namespace huetrack::recordings

@@ -1,0 +1,87 @@
+#include "recordings/image_series.h"
+
+#include <gmock/gmock.h>
+
+#include <fstream>
+
+#include "calib/files/config_error.h"
+#include "capture/temporary_folder.h"
+
+namespace huetrack::recordings {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::Pair;
+
+class ImageSeries : public testing::Test {
+ protected:
+  // Number in the stream and name of every file.
+  std::vector<std::pair<std::int64_t, std::string>> series(const std::vector<std::string>& names,
+                                                           const std::string& frames) {
+    std::filesystem::remove_all(folder_ / "cam");
+    std::filesystem::create_directories(folder_ / "cam");
+    for (const auto& name : names) std::ofstream(folder_ / "cam" / name) << "x";
+    RecordedCamera camera;
+    camera.name = "cam";
+    camera.frames = folder_ / "cam" / frames;
+    warnings_.clear();
+    std::vector<std::pair<std::int64_t, std::string>> found;
+    for (const auto& file : image_files_of(camera, warnings_))
+      found.emplace_back(file.number, file.path.filename().string());
+    return found;
+  }
+  std::string refusal(const std::vector<std::string>& names, const std::string& frames) {
+    try {
+      series(names, frames);
+    } catch (const files::ConfigError& error) {
+      return error.what();
+    }
+    return {};
+  }
+  capture::TemporaryFolder folder_;
+  std::vector<std::string> warnings_;
+};
+
+// Of a camera that counts from its trigger.
+TEST_F(ImageSeries, NegativeNumbersComeFirst) {
+  const std::vector<std::string> names{"f0.png", "f1.png", "f-1.png", "f-2.png", "f-10.png"};
+  EXPECT_THAT(series(names, "f%d.png"), ElementsAre(Pair(0, "f-10.png"), Pair(8, "f-2.png"), Pair(9, "f-1.png"),
+                                                    Pair(10, "f0.png"), Pair(11, "f1.png")));
+  EXPECT_THAT(series(names, "*.png"), ElementsAre(Pair(0, "f-10.png"), Pair(1, "f-2.png"), Pair(2, "f-1.png"),
+                                                  Pair(3, "f0.png"), Pair(4, "f1.png")));
+  EXPECT_THAT(series({"f-02.png", "f000.png", "f010.png", "f-1.png"}, "f%03d.png"),
+              ElementsAre(Pair(0, "f-02.png"), Pair(2, "f000.png"), Pair(12, "f010.png")));
+}
+
+TEST_F(ImageSeries, MissingNumbersAreNamedAcrossZero) {
+  std::vector<std::string> names;
+  for (int k = -10; k < 20; ++k)
+    if (k != 5) names.push_back("f" + std::to_string(k) + ".png");
+  series(names, "*.png");
+  EXPECT_THAT(warnings_, ElementsAre(HasSubstr("numbers are missing before f6.png")));
+  names.push_back("f5.png");
+  series(names, "*.png");
+  EXPECT_THAT(warnings_, IsEmpty());
+}
+
+TEST_F(ImageSeries, SeparatorsAreNoSigns) {
+  EXPECT_THAT(series({"f-1.png", "f-2.png", "f-10.png"}, "*.png"),
+              ElementsAre(Pair(0, "f-1.png"), Pair(1, "f-2.png"), Pair(2, "f-10.png")));
+  EXPECT_THAT(refusal({"f-1.png", "f-2.png", "f-10.png"}, "f%d.png"), HasSubstr("if the - is a separator"));
+  EXPECT_THAT(refusal({"f-1.png", "f-2.png", "f1.png", "f2.png"}, "*.png"), HasSubstr("a sign or a separator"));
+}
+
+TEST_F(ImageSeries, NamesWithoutAnOrderAreRefusedUnlessTheirTimesAreListed) {
+  const std::vector<std::string> names{"3f2504e0-4f89.png", "b2c30ab1-9d0c.png", "0305e82c-3301.png"};
+  EXPECT_THAT(refusal(names, "*.png"), HasSubstr("hold no order"));
+  RecordedCamera camera;
+  camera.name = "cam";
+  camera.frames = folder_ / "cam/*.png";
+  camera.timestamps = {{0, capture::Timestamp{}}};
+  EXPECT_EQ(image_files_of(camera, warnings_).size(), 3u);
+}
+
+}  // namespace
+}  // namespace huetrack::recordings
