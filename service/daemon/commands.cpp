@@ -11,6 +11,7 @@
 
 #include "daemon/capture_command.h"
 #include "daemon/check.h"
+#include "daemon/demo_command.h"
 #include "daemon/live.h"
 #include "daemon/replay.h"
 #include "daemon/setup_command.h"
@@ -186,6 +187,24 @@ void add_setup_command(CLI::App& app, Command& chosen) {
       ->capture_default_str();
   on_choice(*command, chosen,
             [options](const std::stop_token& stop) { set_up(options->setup, options->requests, stop); },
+            {{SIGHUP, ask(options->requests.reload)}, {SIGUSR1, ask(options->requests.save)}});
+}
+
+void add_demo_command(CLI::App& app, Command& chosen) {
+  struct Options {
+    DemoCommand demo;
+    LiveRequests requests;
+  };
+  const auto options = std::make_shared<Options>();
+  CLI::App* command =
+      app.add_subcommand("demo", "without cameras: play the bundled recording in their place, and open the page on it");
+  command->add_option("folder", options->demo.folder,
+                      "keep the demo's files, and what you teach and record, in this folder");
+  command->add_option("--port", options->demo.port, "TCP port of the page (8765); 0: any free one")
+      ->check(CLI::Range(0, 65535));
+  command->add_flag("!--no-page", options->demo.with_page, "without the page");
+  on_choice(*command, chosen,
+            [options](const std::stop_token& stop) { run_demo(options->demo, options->requests, stop); },
             {{SIGHUP, ask(options->requests.reload)}, {SIGUSR1, ask(options->requests.save)}});
 }
 

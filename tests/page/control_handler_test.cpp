@@ -33,7 +33,9 @@ class Control : public Test {
   Control() {
     fs::create_directories(folder);
     config = config::load_service_config(fs::path(HUETRACK_SOURCE_DIR) / "configs/demo/huetrackd.yaml");
+    config.control = {};
     config.control.allow_record = true;
+    config.record = {};
     config.record.folder = folder;
   }
   ~Control() override { fs::remove_all(folder); }
