@@ -9,6 +9,7 @@
 #include "config/service_config.h"
 #include "daemon/demo_cameras.h"
 #include "daemon/demo_command.h"
+#include "daemon/opened_recording.h"
 
 namespace huetrack::daemon {
 namespace {
@@ -89,6 +90,22 @@ TEST(CopiedDemo, ListsItsCamerasAndIsKept) {
   EXPECT_EQ(copy_demo(bundled, folder / "a"), file);
   EXPECT_EQ(config::load_service_config(file).log_level, config::LogLevel::warning);
   fs::remove_all(folder);
+}
+
+// So that a jump need not decode all before it.
+TEST(RecordingFromATime, LeavesOutFramesWhoseTimesAreKnown) {
+  recordings::Recording recording = recordings::read_recording(bundled / "recording");
+  const auto first = [&](double s) {
+    return without_frames_before(recording, capture::Timestamp(capture::duration_of(s))).cameras[0].first_frame;
+  };
+  EXPECT_EQ(first(0), 0);
+  EXPECT_EQ(first(2), 60);
+  EXPECT_EQ(first(2.01), 60);
+  recording.cameras[0].every = 7;
+  recording.cameras[0].first_frame = 3;
+  EXPECT_EQ(first(2), 3 + 8 * 7) << "the same frames as before";
+  recording.cameras[0].fps = 0;  // the container's own times
+  EXPECT_EQ(first(2), 3);
 }
 
 }  // namespace

@@ -72,6 +72,43 @@ TEST_F(Demo, RecordsIntoAFolderOfOnesOwn) {
   EXPECT_FALSE(fs::is_empty(folder / "mine/recordings"));
 }
 
+// The demo's own configuration permits --hold; times rise over the end of the recording, and over jumps.
+TEST_F(Demo, ItsRecordingIsHeldSoughtAndLooped) {
+  const fs::path demo = HUETRACK_SOURCE_DIR "/configs/demo";
+  service.emplace(std::vector<std::string>{HUETRACKD, "replay", demo / "huetrackd.yaml", demo / "recording", "--loop",
+                                           "--speed", "10", "--hold"},
+                  folder / "out", folder / "err", environment());
+  std::string state;
+  for (int i = 0; i < 100 && state.find("paused") == std::string::npos; ++i) {
+    state = huetrack({"control", "replay", "state"});
+    std::this_thread::sleep_for(50ms);
+  }
+  EXPECT_THAT(state, AllOf(HasSubstr("paused"), HasSubstr("length_s\t4.967"), HasSubstr("loops\ttrue")));
+  huetrack({"control", "replay", "seek", "4"});
+  for (int i = 0; i < 100 && state.find("position_s\t4.0") == std::string::npos; ++i)
+    state = huetrack({"control", "replay", "state"});
+  EXPECT_THAT(state, AllOf(HasSubstr("paused"), HasSubstr("position_s\t4.0")));
+  Process log({HUETRACK, "log", folder / "log.csv", "--count", "400", "--timeout", "20"}, folder / "log.out",
+              folder / "log.err", environment());
+  std::this_thread::sleep_for(500ms);
+  huetrack({"control", "replay", "go"});
+  EXPECT_EQ(log.wait(), 0) << log.err();
+  service->kill(SIGINT);
+  EXPECT_EQ(service->wait(), 0);
+  std::istringstream rows(contents(folder / "log.csv"));
+  double before = 0;
+  int tracking = 0;
+  for (std::string row; std::getline(rows, row);) {
+    if (row.starts_with("target")) continue;
+    tracking += row.find(",tracking,") != std::string::npos ? 1 : 0;
+    const double at = std::atof(row.c_str() + row.find(',') + 1);
+    if (!std::isfinite(at)) continue;
+    EXPECT_GT(at, before);
+    before = at;
+  }
+  EXPECT_GT(tracking, 360) << "a loop costs some frames of coasting";
+}
+
 // With the demo's files and the documents that messages name; the source tree is not above it.
 TEST_F(Demo, RunsAsInstalled) {
   const fs::path prefix = folder / "installed";
