@@ -263,18 +263,22 @@ void add_doctor_command(CLI::App& app, Command& chosen) {
 }
 
 void add_compare_command(CLI::App& app, Command& chosen) {
-  struct Options {
-    std::filesystem::path tracks, truth;
-    double clock_offset_s = 0;
-  };
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<CompareCommand>();
   CLI::App* command =
       app.add_subcommand("compare", "compare a track CSV (of replay or huetrack watch) with ground truth");
   command->add_option("tracks", options->tracks, "CSV of tracks")->required();
-  command->add_option("truth", options->truth, "CSV with columns ball or target, t, x, y, z")->required();
+  command
+      ->add_option("truth", options->truth,
+                   "CSV with columns ball or target, t, x, y, z; CSV of Motive or Vicon, TSV of Qualisys, TUM")
+      ->required();
   command->add_option("--clock-offset", options->clock_offset_s, "the tracks' clock minus the truth's, seconds");
-  on_choice(*command, chosen,
-            [options](const std::stop_token&) { compare(options->tracks, options->truth, options->clock_offset_s); });
+  const std::map<std::string, truth::Freedom> freedoms{
+      {"none", truth::Freedom::none}, {"rigid", truth::Freedom::rigid}, {"similarity", truth::Freedom::similarity}};
+  command->add_option("--align", options->align, "first align the tracks with the truth; similarity: with a scale")
+      ->transform(word_of(freedoms))
+      ->type_name("none|rigid|similarity");
+  command->add_flag("--align-time", options->align_time, "first estimate the clock offset, at most 0.5 s more");
+  on_choice(*command, chosen, [options](const std::stop_token&) { compare(*options); });
 }
 
 void add_teach_command(CLI::App& app, Command& chosen) {

@@ -1,11 +1,15 @@
 #include "daemon/opened_recording.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 #include <thread>
 #include <utility>
 
 #include "calib/files/config_error.h"
+#include "calib/yaml/yaml_reader.h"
 #include "daemon/replay.h"
 #include "pipeline/recorded_cameras.h"
 
@@ -28,7 +32,28 @@ std::string reason_against_jumps(const ReplayCommand& command) {
   return "this replay writes or compares times on the recording's clock (--tracks, --poses, --truth): it cannot jump";
 }
 
+bool is_configuration(const std::string& file) {
+  try {
+    return yaml::YamlReader::file(file).has("rig");
+  } catch (const files::ConfigError&) {
+    return false;
+  }
+}
+
 }  // namespace
+
+config::ServiceConfig load_or_name_swap(const ReplayCommand& command) {
+  try {
+    return config::load_service_config(command.config);
+  } catch (const files::ConfigError&) {
+    if (is_configuration(command.config) || command.recording.size() != 1 ||
+        !is_configuration(command.recording.front()))
+      throw;
+    throw std::runtime_error(
+        fmt::format("{} is a configuration, and {} is none: write huetrackd replay CONFIG RECORDING",
+                    command.recording.front(), command.config.string()));
+  }
+}
 
 std::optional<capture::Duration> length_of(const recordings::ReplaySource& source) {
   const auto first = source.first_at();

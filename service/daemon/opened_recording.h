@@ -27,6 +27,9 @@ struct OpenedRecording {
   recordings::ReplaySource& source() const { return **pass; }
 };
 
+// The command's configuration. throws ConfigError; std::runtime_error: it and the recording are swapped
+config::ServiceConfig load_or_name_swap(const ReplayCommand& command);
+
 // throws ConfigError
 OpenedRecording open_recording(const config::ServiceConfig& config, const ReplayCommand& command);
 

@@ -41,7 +41,7 @@ using namespace std::chrono_literals;
 // ---- Inputs
 
 config::ServiceConfig configuration_of(const ReplayCommand& command) {
-  config::ServiceConfig config = config::load_service_config(command.config);
+  config::ServiceConfig config = load_or_name_swap(command);
   config::require_rig(config);
   set_log_level(config.log_level);
   for (const auto& warning : config::warnings_of(config)) spdlog::warn("{}: {}", config.file.string(), warning);
