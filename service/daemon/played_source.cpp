@@ -58,6 +58,7 @@ bool PlayedSource::wait_for_turn(const capture::Frame& frame, const std::stop_to
   const auto camera = std::size_t(frame.camera);
   std::unique_lock lock(mutex_);
   while (!stop.stop_requested()) {
+    due_.reset();
     if (seek_to_s_) return false;
     const auto now = Clock::now();
     auto until = now + poll_period;
@@ -71,9 +72,11 @@ bool PlayedSource::wait_for_turn(const capture::Frame& frame, const std::stop_to
       }
     } else {
       if (speed_ <= 0) break;
-      if (!anchor_) anchor_ = {now, frame.captured_at};
+      const bool is_anchor = !anchor_;
+      if (is_anchor) anchor_ = {now, frame.captured_at};
       const auto due =
           anchor_->wall + std::chrono::duration_cast<Clock::duration>((frame.captured_at - anchor_->recorded) / speed_);
+      due_ = is_anchor ? std::nullopt : std::optional(due);
       if (now >= due) break;
       until = std::min(until, due);
     }
@@ -84,20 +87,23 @@ bool PlayedSource::wait_for_turn(const capture::Frame& frame, const std::stop_to
 
 void PlayedSource::release(const capture::Frame& frame, bool is_stopped) {
   const std::scoped_lock lock(mutex_);
-  // Published times stay as even as the recording's: it is later by what was waited for while it was paused, and by
-  // what it is played slower. As fast as possible, time is the recording's own.
-  const capture::Duration waited = Clock::now() - *std::exchange(waiting_since_, std::nullopt);
+  const auto now = Clock::now();
+  const capture::Duration waited = now - *std::exchange(waiting_since_, std::nullopt);
   const bool was_paused = std::exchange(has_paused_, false);
   waited_ += waited;
   if (was_paused && !is_stopped) paused_ += waited;
   const capture::Duration played =
       has_begun_ && frame.captured_at > last_ ? frame.captured_at - last_ : capture::Duration{0};
+  // Published times stay as even as the recording's while it is paced; a pause, a jump and a change of the speed take
+  // as long as they take. As fast as possible, time is the recording's own.
   capture::Duration lag = lags_.empty() ? capture::Duration{0} : lags_.back().second;
-  if (was_paused) {
-    lag += waited - played;
-  } else if (speed_ > 0) {
+  const bool is_even = due_ && !was_paused;
+  if (is_even) {
     lag += capture::Duration(std::int64_t(double(played.count()) * (1 / speed_ - 1)));
+  } else if (has_begun_ && (was_paused || speed_ > 0)) {
+    lag += (now - released_at_) - played;
   }
+  released_at_ = is_even ? *due_ : now;
   if (lags_.empty() || frame.captured_at > lags_.back().first) {
     lags_.emplace_back(frame.captured_at, lag);
     if (lags_.size() > most_lags) lags_.pop_front();

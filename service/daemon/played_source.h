@@ -67,6 +67,8 @@ class PlayedSource final : public capture::FrameSource, public page::Playback {
   std::optional<capture::Frame> ahead_;             // used by next() only, as the following
   std::optional<Clock::time_point> waiting_since_;  // for the next frame to be released
   bool has_paused_ = false;                         // since then; a jump counts
+  std::optional<Clock::time_point> due_;  // of the frame that waits, if it is paced and not the first after a change
+  Clock::time_point released_at_;         // the last frame; if it was paced, when it was due
   capture::Duration waited_{0}, paused_{0};
 
   mutable std::mutex mutex_;  // guards all members below

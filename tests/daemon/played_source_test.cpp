@@ -47,6 +47,7 @@ class Played : public Test {
       while (const auto frame = source->next(stop)) {
         if (stop.stop_requested()) return;
         const std::scoped_lock lock(mutex);
+        if (times.empty()) first_came = PlayClock::now();
         times.push_back(frame->captured_at);
         numbers.push_back(frame->sequence);
       }
@@ -74,6 +75,7 @@ class Played : public Test {
   std::mutex mutex;
   std::vector<capture::Timestamp> times;  // guarded by mutex, as the following
   std::vector<std::uint32_t> numbers;
+  PlayClock::time_point first_came;
   std::atomic<bool> has_ended = false;
   std::jthread reader;
 };
@@ -183,6 +185,25 @@ TEST_F(Played, RemembersTheLagOfEachFrame) {
         times[i] - times[i - 2] + source->lag_at(times[i]) - source->lag_at(times[i - 2]);
     EXPECT_NEAR(capture::seconds(published), 0.002, 1e-6) << i;
   }
+}
+
+// What is published must neither run ahead of the clock nor fall behind it, however often the speed is changed.
+TEST_F(Played, ChangesOfTheSpeedDoNotAddUp) {
+  play({.cameras = 2, .speed = 1});
+  ASSERT_TRUE(comes_to(4));
+  const auto ahead_s = [&] {
+    const std::scoped_lock lock(mutex);
+    const capture::Timestamp newest = times.back();
+    return capture::seconds(newest - times.front() + source->lag_at(newest)) -
+           std::chrono::duration<double>(PlayClock::now() - first_came).count();
+  };
+  for (int i = 0; i < 10; ++i) {
+    source->set_speed(i % 2 == 0 ? 0.1 : 5);
+    std::this_thread::sleep_for(30ms);
+  }
+  source->set_speed(1);
+  std::this_thread::sleep_for(50ms);
+  EXPECT_NEAR(ahead_s(), 0, 0.06);
 }
 
 TEST_F(Played, JumpsToAPositionWhilePlaying) {
