@@ -1,6 +1,7 @@
 #!/bin/bash
 # Builds huetrackd, huetrack and huetrack-calibrate and installs them, with their man pages, shell completion and systemd units: as a
 # Debian package, or, with a folder as argument, below that folder.
+# It compiles some 120 files, only what it installs.
 #   bash configs/install.sh              # the package; remove it with `sudo apt-get remove huetrack`
 #   bash configs/install.sh ~/huetrack   # ~/huetrack/bin/huetrackd ...; nothing outside that folder except missing Debian packages
 #   bash configs/install.sh --build      # only builds the package, and prints its path
@@ -13,7 +14,7 @@ build=build/install
 # shellcheck disable=SC2086,SC2154
 install_missing $packages_build dpkg-dev
 mkdir -p build
-build_huetrack "$build" "-DCMAKE_BUILD_TYPE=Release -DHUETRACK_TESTS=OFF" all
+build_huetrack "$build" "-DCMAKE_BUILD_TYPE=Release -DHUETRACK_TESTS=OFF" huetrackd huetrack huetrack-calibrate package_documents
 if [ -n "${to:-}" ]; then
   cmake --install "$build" --prefix "$to" --strip >/dev/null
   echo "== installed: $to/bin/huetrackd, huetrack and huetrack-calibrate; the configuration is in $to/etc/huetrack"
@@ -32,4 +33,4 @@ fi
 sudo=""
 [ "$(id -u)" = 0 ] || sudo=sudo
 $sudo apt-get install -y -q --reinstall --no-install-recommends "$package"
-echo "== installed: huetrackd, huetrack and huetrack-calibrate; the configuration is /etc/huetrack/huetrackd.yaml; begin with: huetrackd setup"
+echo "== installed: huetrackd, huetrack and huetrack-calibrate; the configuration is /etc/huetrack/huetrackd.yaml; begin with: huetrackd setup, or without a camera: huetrackd demo"

@@ -1,5 +1,7 @@
 #include "calib/board/board_yaml.h"
 
+#include <fmt/format.h>
+
 #include <array>
 
 #include "calib/files/number_text.h"
@@ -20,6 +22,13 @@ constexpr std::array<TypeKeys, 5> type_keys{{{BoardType::chessboard, "inner_corn
                                              {BoardType::asymmetric_circles, "size"}}};
 
 constexpr yaml::Range board_length{.min = 0, .max = 10, .min_is_open = true, .max_is_open = true};
+
+// In metres; millimetres are recognised by their size.
+double length_of(const yaml::YamlReader& reader, std::string_view key) {
+  const double length = reader.number(key, yaml::positive);
+  if (length < board_length.max) return length;
+  reader.fail(key, fmt::format("is {:g} m: lengths are in metres: did you mean {:g}?", length, length / 1000));
+}
 
 void read_counts(const yaml::YamlReader& reader, std::string_view key, Board& board) {
   const auto values = reader.numbers(key, 2, 2, {.min = 1, .max = 100});
@@ -46,7 +55,7 @@ BoardBack read_back(const yaml::YamlReader& reader) {
 }
 
 void read_markers(const yaml::YamlReader& reader, Board& board) {
-  board.marker = reader.number("marker", board_length);
+  board.marker = length_of(reader, "marker");
   std::vector<std::string_view> names;
   for (const auto& dictionary : marker_dictionaries()) names.push_back(dictionary.name);
   board.dictionary = reader.choice("dictionary", names);
@@ -81,7 +90,7 @@ Board read_own(const yaml::YamlReader& reader) {
     const auto pitch = reader.numbers("pitch", 2, 2, board_length);
     board.pitch = {pitch[0], pitch[1]};
   } else {
-    board.pitch.setConstant(reader.number("square", board_length));
+    board.pitch.setConstant(length_of(reader, "square"));
   }
   board.inverted = reader.boolean("inverted", false);
   if (board.type == BoardType::charuco) board.legacy = reader.boolean("legacy", false);

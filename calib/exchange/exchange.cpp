@@ -2,13 +2,75 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Cholesky>
 #include <algorithm>
+#include <utility>
 
 #include "calib/exchange/exchanged_camera.h"
 #include "calib/files/config_error.h"
 #include "recordings/bags/bag.h"
 
 namespace huetrack::exchange {
+
+namespace {
+
+// The point nearest to all optical axes, as the cameras see it; lens distortion aside.
+struct Middle {
+  bool is_in_all_pictures = false;
+  double distance = 0;  // mean depth
+  double widest = 0;    // between two cameras
+};
+
+Middle middle_of(const std::vector<calib::Camera>& cameras) {
+  Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d right = Eigen::Vector3d::Zero();
+  Middle middle{.is_in_all_pictures = cameras.size() > 1};
+  for (const calib::Camera& camera : cameras) {
+    const Eigen::Vector3d axis = camera.cam_from_world.rotation.conjugate() * Eigen::Vector3d::UnitZ();
+    const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - axis * axis.transpose();
+    normal += across;
+    right += across * camera.centre();
+    for (const calib::Camera& other : cameras)
+      middle.widest = std::max(middle.widest, (camera.centre() - other.centre()).norm());
+  }
+  const Eigen::Vector3d point = normal.ldlt().solve(right);
+  for (const calib::Camera& camera : cameras) {
+    const Eigen::Vector3d p = camera.cam_from_world * point;
+    const double u = camera.model.fx() * p.x() / p.z() + camera.model.cx();
+    const double v = camera.model.fy() * p.y() / p.z() + camera.model.cy();
+    middle.is_in_all_pictures = middle.is_in_all_pictures && p.z() > 0 && u >= 0 && v >= 0 &&
+                                u < camera.image_size.width && v < camera.image_size.height;
+    middle.distance += p.z() / double(cameras.size());
+  }
+  return middle;
+}
+
+void invert_poses(std::vector<calib::Camera>& cameras) {
+  for (calib::Camera& camera : cameras) camera.cam_from_world = calib::inverse(camera.cam_from_world);
+}
+
+// Where the cameras are, for a person to recognise a wrong unit and inverted poses: world_from_cam where cam_from_world
+// is expected, the commonest mistake. Neither can be known from the poses alone, since the world's origin may be
+// anywhere.
+std::string placement_note(const std::vector<calib::Camera>& cameras, bool is_inverted) {
+  const Middle as_it_is = middle_of(cameras);
+  std::string note = fmt::format("the cameras are up to {:.3f} m apart", as_it_is.widest);
+  if (as_it_is.is_in_all_pictures) note += fmt::format(" and look at a place {:.2f} m away", as_it_is.distance);
+  note += ": if that is wrong, give --unit";
+  std::vector<calib::Camera> inverted = cameras;
+  invert_poses(inverted);
+  const Middle other = middle_of(inverted);
+  // Read the wrong way round, cameras around a place stand together near one point.
+  if (!other.is_in_all_pictures || other.widest <= as_it_is.widest || is_inverted) return note;
+  const std::string what = fmt::format(
+      "the poses inverted (world_from_cam; --inverted-poses), they are up to {:.3f} m apart "
+      "and look at a place {:.2f} m away",
+      other.widest, other.distance);
+  if (as_it_is.is_in_all_pictures) return note + "; with " + what;
+  return note + ". They do not look at one place; with " + what + ": the file is probably of that kind";
+}
+
+}  // namespace
 
 Imported import_rig(std::span<const std::filesystem::path> files, const ImportOptions& options) {
   if (files.empty()) throw ExchangeError("no file to import");
@@ -17,18 +79,15 @@ Imported import_rig(std::span<const std::filesystem::path> files, const ImportOp
     throw files::ConfigError(file, 0, problem);
   Imported out = files.size() == 1 && bags::is_bag(file) ? import_bag(file, options) : imported_from(files, options);
   for (calib::Camera& camera : out.rig.cameras) camera.cam_from_world.translation *= options.metres_per_unit;
-  double widest = 0;
-  for (const calib::Camera& a : out.rig.cameras) {
-    for (const calib::Camera& b : out.rig.cameras) widest = std::max(widest, (a.centre() - b.centre()).norm());
-  }
+  if (options.inverts_poses) invert_poses(out.rig.cameras);
+  const double widest = middle_of(out.rig.cameras).widest;
   constexpr double widest_rig_m = 50;  // a wider rig is probably in millimetres
   if (widest > widest_rig_m) {
     throw files::ConfigError(
         file, 0,
         fmt::format("the cameras are up to {:.0f} m apart: if the file is in millimetres, give --unit mm", widest));
   }
-  if (out.rig.cameras.size() > 1)
-    out.notes.push_back(fmt::format("the cameras are up to {:.3f} m apart: if that is wrong, give --unit", widest));
+  if (out.rig.cameras.size() > 1) out.notes.push_back(placement_note(out.rig.cameras, options.inverts_poses));
   require_valid(out.rig, file);
   return out;
 }

@@ -45,6 +45,10 @@ struct ImportOptions {
   std::optional<calib::ImageSize> image_size{};  // of every camera, for files without it
   std::vector<std::string> cameras{};            // only these, and nothing is asked of the others; empty: all
   double metres_per_unit = 1;                    // > 0; unit of the file's lengths: only Kalibr fixes it
+  // The file's own keys for those that import knows: {"my_K", "K"}. In mappings of any depth.
+  std::vector<std::pair<std::string, std::string>> keys{};
+  std::string distortion_model{};  // replaces the file's, as radtan or equidistant; empty: the file's, else radtan
+  bool inverts_poses = false;      // the file's poses are world_from_cam where cam_from_world is expected
 };
 
 struct Imported {

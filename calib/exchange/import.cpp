@@ -36,6 +36,10 @@ constexpr auto height_words = words("image_height", "image_Height", "imageHeight
 constexpr auto size_words = words("imageSize", "image_size", "img_size", "cameraResolution", "resolution", "size");
 constexpr auto model_words = words("distortion_model", "camera_model", "lensmodel");
 constexpr auto fisheye_words = words("fisheye_model", "fisheye", "distortion_type");  // the last one: MC-Calib
+// 4x4 or 3x4, by what they are called.
+constexpr auto cam_from_world_words = words("cam_from_world", "T_cam_world", "T_cw", "Tcw", "world_to_cam", "w2c",
+                                            "extrinsic", "extrinsics", "extrinsic_matrix", "pose");
+constexpr auto world_from_cam_words = words("world_from_cam", "T_world_cam", "T_wc", "Twc", "cam_to_world", "c2w");
 constexpr auto rotation_words = words("rotation", "Rot", "R", "rvec");  // p_cam = R p_world + t: a vector, or 3x3
 constexpr auto translation_words = words("translation", "T", "t", "tvec");
 
@@ -109,11 +113,14 @@ std::vector<std::string> suffixes_of(const Section& root) {
       std::string rest = key.substr(word.size());
       if (rest.starts_with('_')) rest.erase(0, 1);
       const bool is_number = !rest.empty() && rest.find_first_not_of("0123456789") == std::string::npos;
-      if ((is_number || rest == "left" || rest == "right" || std::ranges::find(names, rest) != names.end()) &&
+      const bool is_side = rest == "left" || rest == "right" || (word == "K" && (rest == "L" || rest == "R"));
+      if ((is_number || is_side || std::ranges::find(names, rest) != names.end()) &&
           std::ranges::find(found, rest) == found.end())
         found.push_back(rest);
     }
   }
+  const auto right = std::ranges::find(found, "R");
+  if (right == found.begin() && found.size() == 2 && found[1] == "L") std::swap(found[0], found[1]);
   return found;
 }
 
@@ -225,15 +232,16 @@ struct LensKind {
   int most = 14;  // coefficients
 };
 
-LensKind lens_kind_of(const Section& section) {
+LensKind lens_kind_of(const Section& section, const std::string& given) {
   LensKind kind;
   constexpr auto pinhole =
       words("pinhole", "rational_polynomial", "radtan", "opencv", "brown", "brown_conrady", "standard", "perspective");
   constexpr auto fisheye =
       words("equidistant", "equi", "fisheye", "kannala_brandt", "kannala_brandt4", "opencv_fisheye");
   for (const string_view key : model_words) {
-    if (!section.has(key)) continue;
-    std::string word = section.text(key);
+    if (!section.has(key) && (given.empty() || key != model_words.front())) continue;
+    std::string word = given.empty() ? section.text(key) : given;
+    if (!given.empty()) section.ignore(key);
     std::ranges::transform(word, word.begin(), [](unsigned char c) { return c == '-' ? '_' : std::tolower(c); });
     if (word == "none") {
       kind.undistorted = true;
@@ -243,7 +251,7 @@ LensKind lens_kind_of(const Section& section) {
       kind.fisheye = true;
     } else if (std::ranges::find(pinhole, word) == pinhole.end() && !word.starts_with("lensmodel_opencv")) {
       section.fail(key,
-                   "is " + section.text(key) +
+                   "is " + (given.empty() ? section.text(key) : given) +
                        ", which a rig cannot hold: calibrate with a pinhole (plumb_bob, rational_polynomial, radtan) "
                        "or a fisheye lens (equidistant)");
     }
@@ -262,7 +270,7 @@ void read_lens(const Section& section, string_view suffix, const ImportOptions& 
   const std::string of = suffix.empty() ? "" : " of " + std::string(suffix);
   if (!k_key && (suffix.empty() || !m_key))
     section.fail("camera matrix" + of, "is missing (looked for " + joined(k_words) + ")");
-  const LensKind kind = lens_kind_of(section);
+  const LensKind kind = lens_kind_of(section, options.distortion_model);
   if (!d_key && !kind.undistorted)
     section.fail("distortion coefficients" + of, "are missing (looked for " + joined(d_words) + ")");
   const std::string matrix_key = k_key ? *k_key : *m_key;
@@ -295,11 +303,20 @@ std::optional<calib::Rigid3d> pose_of(const Section& section, Words rotations, W
 }
 
 calib::Rigid3d matrix_pose(const Section& section, string_view key) {
-  const auto m = section.numbers(key);
+  auto m = section.numbers(key);
+  if (m.size() == 12) m.insert(m.end(), {0, 0, 0, 1});
   if (m.size() != 16) section.fail(key, "must be a 4x4 matrix, got " + std::to_string(m.size()) + " numbers");
   if (m[12] != 0 || m[13] != 0 || m[14] != 0 || m[15] != 1) section.fail(key, "must end in the row 0 0 0 1");
   const std::array<double, 9> r{m[0], m[1], m[2], m[4], m[5], m[6], m[8], m[9], m[10]};
   return {rotation_of(r, key, section.failing()), {m[3], m[7], m[11]}};
+}
+
+// Of a pose matrix with one of our names for it.
+std::optional<calib::Rigid3d> named_matrix_pose(const Section& section) {
+  if (const auto key = section.first_of(world_from_cam_words)) return calib::inverse(matrix_pose(section, *key));
+  if (const auto key = section.first_of(cam_from_world_words); key && !section.map(*key))
+    return matrix_pose(section, *key);
+  return std::nullopt;
 }
 
 // Kalibr's time model, equivalent to calib::CameraTiming: row r is exposed at stamp + timeshift_cam_imu + r * line
@@ -358,11 +375,15 @@ void check_camera_info(const Section& info, const calib::CameraModel& model, std
   for (const string_view key : {"r", "R", "header", "projection_matrix"}) info.ignore(key);
 }
 
-// A camera with what its keys hold; nothing is checked against the others.
-struct Read {
-  calib::Camera camera;
-  std::optional<calib::Rigid3d> cam_from_world;
-};
+void rename_keys(yaml::Value& value, const std::vector<std::pair<std::string, std::string>>& names) {
+  for (std::string& key : value.keys)
+    for (const auto& [theirs, ours] : names)
+      if (key == theirs) {
+        key = ours;
+        break;
+      }
+  for (yaml::Value& item : value.items) rename_keys(item, names);
+}
 
 class Importer {
  public:
@@ -371,6 +392,8 @@ class Importer {
   Imported read(std::span<const std::filesystem::path> files) {
     std::vector<std::vector<yaml::Value>> documents;
     for (const auto& file : files) documents.push_back(documents_of(file));
+    for (auto& of_file : documents)
+      for (yaml::Value& document : of_file) rename_keys(document, options_.keys);
     std::vector<Section> roots;
     for (std::size_t f = 0; f < files.size(); ++f) roots.emplace_back(documents[f].front(), files[f]);
     for (std::size_t f = 0; f < files.size(); ++f) require_same(documents[f], roots[f]);
@@ -488,7 +511,9 @@ class Importer {
   void read_single(const Found& found, const std::vector<Section>& roots) {
     for (std::size_t c = 0; c < found.cameras.size(); ++c) {
       const Section& root = found.cameras[c].second;
-      add(names_[c], root, {}, pose_of(root, words("cam_from_world_rotation"), words("cam_from_world_translation")));
+      auto pose = pose_of(root, words("cam_from_world_rotation"), words("cam_from_world_translation"));
+      if (!pose) pose = named_matrix_pose(root);
+      add(names_[c], root, {}, pose);
       if (!out_.rig.cameras.empty() && out_.rig.cameras.back().name == names_[c])
         check_camera_info(root, out_.rig.cameras.back().model, out_.notes);
     }
@@ -539,6 +564,7 @@ class Importer {
     for (const string_view inverse_key : {"T_imu_cam", "camera_pose_matrix"}) {  // world from camera
       if (section.has(inverse_key)) return calib::inverse(matrix_pose(section, inverse_key));
     }
+    if (const auto pose = named_matrix_pose(section)) return pose;
     return pose_of(section, rotation_words, translation_words);
   }
 

@@ -17,13 +17,30 @@ namespace {
 struct ImportCommand {
   std::vector<std::filesystem::path> files;
   std::vector<std::string> cameras;
-  std::string from, size, unit = "m";
+  std::vector<std::string> keys;
+  std::string from, size, unit = "m", distortion_model;
+  bool has_inverted_poses = false;
   std::filesystem::path rig;
 };
 
 // Notes quote the other tool's file.
 void print_notes(const std::vector<std::string>& notes) {
   for (const auto& note : notes) std::printf("note: %s\n", files::printable(note, files::longest_message).c_str());
+}
+
+// Of words K=theirs.
+std::vector<std::pair<std::string, std::string>> renamings_of(const std::vector<std::string>& words) {
+  static const std::map<std::string, std::string> known{
+      {"K", "K"}, {"D", "D"}, {"pose", "cam_from_world"}, {"inverse_pose", "world_from_cam"}, {"size", "image_size"}};
+  std::vector<std::pair<std::string, std::string>> renamings;
+  for (const std::string& word : words) {
+    const std::size_t equals = word.find('=');
+    const auto ours = known.find(word.substr(0, equals));
+    if (equals == std::string::npos || equals + 1 == word.size() || ours == known.end())
+      throw gather::InputError("--keys is K=, D=, pose=, inverse_pose= or size= with the file's own key, not " + word);
+    renamings.emplace_back(word.substr(equals + 1), ours->second);
+  }
+  return renamings;
 }
 
 ExitStatus import(const ImportCommand& command) {
@@ -47,6 +64,9 @@ ExitStatus import(const ImportCommand& command) {
     options.image_size = size;
   }
   options.cameras = command.cameras;
+  options.keys = renamings_of(command.keys);
+  options.distortion_model = command.distortion_model;
+  options.inverts_poses = command.has_inverted_poses;
   const exchange::Imported imported = exchange::import_rig(command.files, options);
   calib::write_rig(imported.rig, command.rig);
   print_notes(imported.notes);
@@ -104,6 +124,17 @@ void add_exchange_commands(CLI::App& app, Command& chosen) {
       ->allow_extra_args(false);
   import_command->add_option("--unit", in->unit,
                              "of the file's lengths: m (default), cm, mm, in, or its length in metres");
+  import_command
+      ->add_option("--keys", in->keys,
+                   "the file's own keys, separated by commas: K=my_matrix,D=my_coefficients,pose=my_4x4 "
+                   "(cam_from_world; inverse_pose=: world_from_cam),size=my_size")
+      ->delimiter(',')
+      ->allow_extra_args(false);
+  import_command->add_option(
+      "--distortion-model", in->distortion_model,
+      "instead of the file's: plumb_bob, radtan, rational_polynomial, equidistant, fisheye, none");
+  import_command->add_flag("--inverted-poses", in->has_inverted_poses,
+                           "the file's poses are world_from_cam, not cam_from_world");
   import_command->callback([in, &chosen] { chosen = [in](const std::stop_token&) { return import(*in); }; });
 
   const auto out = std::make_shared<ExportCommand>();

@@ -178,8 +178,15 @@ void CommandLine::add_plot() {
     return 0;
   });
   command.add_option("tracks", plot_.tracks, "CSV of `huetrackd replay --tracks` or `huetrack log`")->required();
-  command.add_option("--truth", plot_.truth, "CSV with columns ball or target, t, x, y, z");
+  command.add_option("--truth", plot_.truth,
+                     "CSV with columns ball or target, t, x, y, z; CSV of Motive or Vicon, TSV of Qualisys, TUM");
   command.add_option("--clock-offset", plot_.clock_offset_s, "seconds that the tracks' clock is ahead of the truth's");
+  const std::map<std::string, truth::Freedom> freedoms{
+      {"none", truth::Freedom::none}, {"rigid", truth::Freedom::rigid}, {"similarity", truth::Freedom::similarity}};
+  command.add_option("--align", plot_.align, "first align the tracks with the truth; similarity: with a scale")
+      ->transform(CLI::Transformer(freedoms).description(""))
+      ->type_name("none|rigid|similarity");
+  command.add_flag("--align-time", plot_.align_time, "first estimate the clock offset, at most 0.5 s more");
   command.add_option("--out", plot_.out, "FILE.png, FILE.svg or FILE.html (self-contained)")->required();
 }
 

@@ -12,7 +12,7 @@
 #include "calib/files/output_file.h"
 #include "clients/plot/track_chart.h"
 #include "drawing/markup.h"
-#include "truth/clock_offset.h"
+#include "truth/alignment.h"
 
 namespace huetrack::plot {
 namespace {
@@ -93,12 +93,39 @@ truth::Truth matched_truth(const PlotOptions& options, const std::vector<std::st
   return truth;
 }
 
-std::optional<truth::TrackOffset> clock_offset_of(const ChartTarget& target) {
-  if (target.truth == nullptr) return std::nullopt;
+truth::EstimatedSample sample_of(const std::vector<TrackRow>& rows) {
   truth::EstimatedSample sample;
-  for (const TrackRow& row : target.rows)
+  for (const TrackRow& row : rows)
     if (row.state == "tracking" && row.has_position()) sample.add({row.at, row.position, row.covariance});
-  return truth::explaining_offset(*target.truth, target.name, sample.kept());
+  return sample;
+}
+
+std::optional<truth::Explanation> explanation_of(const ChartTarget& target) {
+  if (target.truth == nullptr) return std::nullopt;
+  const truth::EstimatedSample sample = sample_of(target.rows);
+  const truth::TargetTrack track{target.name, sample.kept()};
+  return truth::explanation(*target.truth, {&track, 1});
+}
+
+// All tracks by one transform, which is printed.
+void align(std::map<std::string, std::vector<TrackRow>>& tracks, const truth::Truth& truth,
+           const PlotOptions& options) {
+  if (options.align == truth::Freedom::none && !options.align_time) return;
+  std::vector<truth::EstimatedSample> samples;
+  for (const auto& [_, rows] : tracks) samples.push_back(sample_of(rows));
+  std::vector<truth::TargetTrack> targets;
+  for (const auto& [name, _] : tracks) targets.push_back({name, samples[targets.size()].kept()});
+  const auto alignment = truth::align(truth, targets, options.align, options.align_time);
+  if (!alignment)
+    throw std::runtime_error("fewer than 30 positions in state tracking have a truth: nothing can be aligned");
+  fmt::print("aligned: {}\n", alignment->text(options.clock_offset_s));
+  for (auto& [_, rows] : tracks)
+    for (TrackRow& row : rows) {
+      const truth::Estimated aligned = alignment->aligned({row.at, row.position, row.covariance});
+      row.at = aligned.at;
+      row.position = aligned.position;
+      row.covariance = aligned.covariance;
+    }
 }
 
 bool is_begun_drawing(std::string_view text) {
@@ -113,13 +140,16 @@ void plot(const PlotOptions& options) {
   if (kind != ".png" && kind != ".svg" && kind != ".html")
     throw std::runtime_error(options.out.string() + ": the name must end with .png, .svg or .html");
   files::refuse_other_kind(options.out, {"drawing", is_begun_drawing});
-  const auto tracks = read_tracks(options.tracks);
-  std::vector<ChartTarget> targets;
-  for (const auto& [name, rows] : tracks) targets.push_back({name, rows, nullptr});
+  auto tracks = read_tracks(options.tracks);
   truth::Truth truth;
   if (!options.truth.empty()) {
     const auto names = std::views::keys(tracks);
     truth = matched_truth(options, {names.begin(), names.end()});
+    align(tracks, truth, options);
+  }
+  std::vector<ChartTarget> targets;
+  for (const auto& [name, rows] : tracks) targets.push_back({name, rows, nullptr});
+  if (!options.truth.empty()) {
     for (ChartTarget& target : targets)
       if (truth.targets().contains(target.name)) target.truth = &truth;
     if (std::ranges::all_of(targets, [](const ChartTarget& t) { return figures_of(t).in_truth == 0; }))
@@ -145,11 +175,8 @@ void plot(const PlotOptions& options) {
                  "huetrack: {} is never within 50 mm of the truth while tracking: is it another ball's, or on another "
                  "clock (--clock-offset)?\n",
                  target.name);
-    if (const auto offset = clock_offset_of(target))
-      fmt::print(
-          "{}: one constant clock offset explains most of the error: with --clock-offset {:.4f} the rms error while "
-          "tracking is {:.1f} mm, not {:.1f}\n",
-          target.name, options.clock_offset_s + offset->offset_s, 1e3 * offset->rms_m, 1e3 * offset->rms_without_m);
+    if (const auto explanation = explanation_of(target))
+      fmt::print("{}: {}\n", target.name, truth::to_text(*explanation, options.clock_offset_s));
   }
 }
 

@@ -116,27 +116,60 @@ void check(const std::filesystem::path& file) {
   }
 }
 
-void compare(const std::filesystem::path& tracks_file, const std::filesystem::path& truth_file, double clock_offset_s) {
-  tracks::Truth truth = tracks::Truth::read(truth_file);
-  auto tracks = tracks::read_track_csv(tracks_file);
+namespace {
+
+using Tracks = std::map<std::string, std::vector<object_tracking::ObjectEstimate>>;
+
+// Aligns all tracks by one transform, if asked, and prints it.
+void align(Tracks& tracks, const tracks::Truth& truth, const CompareCommand& command) {
+  if (command.align == truth::Freedom::none && !command.align_time) return;
+  std::vector<truth::EstimatedSample> samples;
+  for (const auto& [_, track] : tracks) {
+    truth::EstimatedSample& sample = samples.emplace_back();
+    for (const object_tracking::ObjectEstimate& estimate : track)
+      if (estimate.state == object_tracking::TrackState::tracking)
+        sample.add({estimate.at, estimate.position, estimate.covariance});
+  }
+  std::vector<truth::TargetTrack> targets;
+  for (const auto& [target, _] : tracks) targets.push_back({target, samples[targets.size()].kept()});
+  const auto alignment = truth::align(truth, targets, command.align, command.align_time);
+  if (!alignment)
+    throw std::runtime_error("fewer than 30 positions in state tracking have a truth: nothing can be aligned");
+  std::printf("aligned: %s\n", alignment->text(command.clock_offset_s).c_str());
+  for (auto& [_, track] : tracks)
+    for (object_tracking::ObjectEstimate& estimate : track) {
+      const truth::Estimated aligned = alignment->aligned({estimate.at, estimate.position, estimate.covariance});
+      estimate.at = aligned.at;
+      estimate.position = aligned.position;
+      estimate.covariance = aligned.covariance;
+    }
+}
+
+}  // namespace
+
+void compare(const CompareCommand& command) {
+  tracks::Truth truth = tracks::Truth::read(command.truth);
+  Tracks tracks = tracks::read_track_csv(command.tracks);
   std::vector<std::string> targets;
   for (const auto& [target, _] : tracks) targets.push_back(target);
-  for (const auto& sentence : truth.match(targets)) spdlog::warn("{}: {}", truth_file.string(), sentence);
-  for (auto& [target, track] : tracks) {
+  for (const auto& sentence : truth.match(targets)) spdlog::warn("{}: {}", command.truth.string(), sentence);
+  for (auto& [_, track] : tracks)
+    for (object_tracking::ObjectEstimate& estimate : track) estimate.at -= capture::duration_of(command.clock_offset_s);
+  align(tracks, truth, command);
+  for (const auto& [target, track] : tracks) {
     if (!truth.targets().contains(target)) continue;
     tracks::TruthComparison comparison(truth, target);
     Eigen::AlignedBox3d room;
-    for (object_tracking::ObjectEstimate& estimate : track) {
-      estimate.at -= capture::duration_of(clock_offset_s);
+    for (const object_tracking::ObjectEstimate& estimate : track) {
       comparison.add(estimate);
       if (estimate.position.allFinite()) room.extend(estimate.position);
     }
     if (!room.isEmpty())
       for (const auto& sentence : truth.contradictions(track.front().at, track.back().at, room))
-        spdlog::warn("{}: {}", truth_file.string(), sentence);
+        spdlog::warn("{}: {}", command.truth.string(), sentence);
     std::printf("%s: %zu samples; %s\n", target.c_str(), track.size(), tracks::to_text(comparison.figures()).c_str());
-    if (const auto offset = comparison.clock_offset())
-      std::printf("%s: %s\n", target.c_str(), tracks::to_text(*offset, clock_offset_s).c_str());
+    if (const auto explanation = comparison.explanation())
+      std::printf("%s: %s\n", target.c_str(), truth::to_text(*explanation, command.clock_offset_s).c_str());
   }
 }
 

@@ -84,7 +84,7 @@ std::string target_text(const TargetSummary& target) {
     text += fmt::format("          radius by its outlines: {:.1f} +- {:.1f} mm\n", 1e3 * *target.outlines.radius_m,
                         1e3 * target.outlines.radius_sigma_m);
   if (target.truth) text += "          " + tracks::to_text(*target.truth) + "\n";
-  if (target.clock_offset) text += "          " + tracks::to_text(*target.clock_offset, 0) + "\n";
+  if (target.explanation) text += "          " + truth::to_text(*target.explanation, 0) + "\n";
   return text;
 }
 

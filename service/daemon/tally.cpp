@@ -49,7 +49,7 @@ std::vector<TargetSummary> Tally::targets() const {
     TargetSummary& summary = summaries.emplace_back(target.summary);
     if (target.comparison) {
       summary.truth = target.comparison->figures();
-      summary.clock_offset = target.comparison->clock_offset();
+      summary.explanation = target.comparison->explanation();
     }
   }
   return summaries;

@@ -22,9 +22,9 @@ struct TargetSummary {
   std::optional<std::uint64_t> first_tracking_set;  // from 1
   double first_tracking_s = 0;                      // capture time from the first set to that one
   std::optional<tracks::TruthFigures> truth;
-  std::optional<truth::TrackOffset> clock_offset;  // explains most of its error
-  object_tracking::OutlineFindings outlines;       // radius by its outlines
-  std::string advice;                              // if it was never tracked, or late
+  std::optional<truth::Explanation> explanation;  // of most of its error
+  object_tracking::OutlineFindings outlines;      // radius by its outlines
+  std::string advice;                             // if it was never tracked, or late
 };
 
 struct CameraSummary {

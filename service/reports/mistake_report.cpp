@@ -18,10 +18,15 @@ void MistakeReport::on_set(const pipeline::TrackedSet& set) {
   const std::scoped_lock lock(mutex_);
   const double now_s = capture::seconds(set.frames.at - *first_at_);
   std::vector<std::string> now, kinds;
+  std::vector<bool> are_radii;
+  for (const auto& of_target : set.mistakes)
+    has_contradiction_ |= std::ranges::any_of(of_target, view_watch::is_of_rig, &view_watch::Mistake::kind);
   for (std::size_t t = 0; t < set.mistakes.size() && t < targets_.size(); ++t) {
     for (const auto& mistake : set.mistakes[t]) {
       if (view_watch::is_of_rig(mistake.kind) && mistake.kind != view_watch::MistakeKind::contradiction)
         has_explained_rig_ = true;
+      if (mistake.kind == view_watch::MistakeKind::radius && has_contradiction_) continue;
+      are_radii.push_back(mistake.kind == view_watch::MistakeKind::radius);
       now.push_back(mistake_text(mistake, targets_[t], cameras_));
       kinds.push_back(fmt::format("{} {} {}", t, int(mistake.kind), fmt::join(mistake.cameras, " ")));
     }
@@ -34,7 +39,7 @@ void MistakeReport::on_set(const pipeline::TrackedSet& set) {
       continue;
     }
     spdlog::warn("{}", sentence);
-    ever_.emplace(kind, Named{now_s, sentence});
+    ever_.emplace(kind, Named{now_s, sentence, are_radii[i]});
     order_.push_back(kind);
   }
   warnings_ = std::move(now);
@@ -54,6 +59,7 @@ std::vector<std::string> MistakeReport::summary() const {
   std::vector<std::string> all;
   for (const std::string& kind : order_) {
     const Named& named = ever_.at(kind);
+    if (named.is_radius && has_contradiction_) continue;
     all.push_back(fmt::format("from {:.1f} s on: {}", named.at_s, named.sentence));
   }
   return all;

@@ -30,12 +30,15 @@ class MistakeReport final : public pipeline::Output {
   struct Named {
     double at_s;
     std::string sentence;  // the latest
+    bool is_radius = false;
   };
 
   std::vector<std::string> cameras_;
   std::optional<capture::Timestamp> first_at_;  // the tracking thread's
   std::map<std::string, Named> ever_;           // guarded by mutex_; by target, kind and cameras
   bool has_explained_rig_ = false;
+  // The views contradict one another, so a radius from them means nothing. The tracking thread's.
+  bool has_contradiction_ = false;
   std::vector<std::string> order_;  // the tracking thread's; keys of ever_ in order of appearance
   mutable std::mutex mutex_;
   std::vector<object_tracking::TargetOptions> targets_;  // guarded by mutex_

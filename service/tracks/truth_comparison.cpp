@@ -63,11 +63,4 @@ std::string to_text(const TruthFigures& f) {
       1e2 * wrong_beyond_m, f.wrong_tracking, f.sets);
 }
 
-std::string to_text(const truth::TrackOffset& offset, double given_s) {
-  return fmt::format(
-      "one constant offset between the clocks explains most of the error: with --clock-offset {:.4f} (of huetrackd "
-      "compare, huetrack plot) the rms error while tracking is {:.1f} mm, not {:.1f}, and the mean NEES {:.2f}",
-      given_s + offset.offset_s, 1e3 * offset.rms_m, 1e3 * offset.rms_without_m, offset.mean_nees);
-}
-
 }  // namespace huetrack::tracks

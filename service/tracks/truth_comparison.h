@@ -5,7 +5,7 @@
 #include <string>
 
 #include "object_tracking/object_estimate.h"
-#include "truth/clock_offset.h"
+#include "truth/alignment.h"
 #include "truth/truth.h"
 
 namespace huetrack::tracks {
@@ -34,8 +34,9 @@ class TruthComparison {
   std::optional<double> add(const object_tracking::ObjectEstimate& estimate);
   TruthFigures figures() const;
   // Over the sets with state tracking.
-  std::optional<truth::TrackOffset> clock_offset() const {
-    return truth::explaining_offset(*truth_, target_, tracking_.kept());
+  std::optional<truth::Explanation> explanation() const {
+    const truth::TargetTrack track{target_, tracking_.kept()};
+    return truth::explanation(*truth_, {&track, 1});
   }
   const std::string& target() const { return target_; }
 
@@ -47,8 +48,7 @@ class TruthComparison {
   truth::EstimatedSample tracking_;
 };
 
-// One line each for people. given_s: the clock offset that is already subtracted.
+// One line for people.
 std::string to_text(const TruthFigures& figures);
-std::string to_text(const truth::TrackOffset& offset, double given_s);
 
 }  // namespace huetrack::tracks

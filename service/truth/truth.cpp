@@ -9,6 +9,7 @@
 
 #include "calib/files/csv_table.h"
 #include "calib/files/joined.h"
+#include "truth/motion_capture.h"
 
 namespace huetrack::truth {
 namespace {
@@ -22,6 +23,11 @@ double seconds(std::chrono::nanoseconds d) {
 }  // namespace
 
 Truth Truth::read(const std::filesystem::path& file) {
+  if (auto samples = read_motion_capture(file)) {
+    Truth truth;
+    truth.targets_ = std::move(*samples);
+    return truth;
+  }
   static constexpr std::string_view columns[] = {"ball|target?", "t|@time", "x", "y", "z"};
   files::CsvTable table(file, columns);
   Truth truth;

@@ -20,7 +20,8 @@ class Truth {
  public:
   // CSV with the columns ball or target (name; optional for a single target, whose name is then empty), t (seconds; or
   // t_ms, t_us, t_ns, ...), x, y, z (metres); others are ignored. Rows with x, y and z nan are skipped, so that a track
-  // file can serve as truth. throws files::ConfigError
+  // file can serve as truth. Or an export of Motive, Vicon or Qualisys, or TUM (motion_capture.h). throws
+  // files::ConfigError
   static Truth read(const std::filesystem::path& file);
 
   struct Sample {

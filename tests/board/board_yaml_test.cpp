@@ -92,6 +92,11 @@ TEST_F(BoardYaml, ReadsKalibrsTargets) {
   EXPECT_THROW(read("target_type: aprilgrid\ntagCols: 6\n"), files::ConfigError);
 }
 
+TEST_F(BoardYaml, MillimetresAreRecognised) {
+  EXPECT_THAT(problem("inner_corners: [9, 6]\nsquare: 98.55\n"), testing::HasSubstr("did you mean 0.09855?"));
+  EXPECT_THAT(problem("inner_corners: [9, 6]\nsquare: -1\n"), testing::HasSubstr("square"));
+}
+
 TEST(BoardSymmetriesOfCircles, AreTurnsThatMapTheGridToItself) {
   const auto count = [](BoardType type, int columns, int rows) {
     return Board{.type = type, .columns = columns, .rows = rows}.symmetries().size();

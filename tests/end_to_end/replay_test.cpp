@@ -154,8 +154,12 @@ TEST_F(EndToEnd, AnOffsetOfTheClocksIsNamedWhereItExplainsTheError) {
   const Result right = run({HUETRACKD, "compare", csv, truth});
   EXPECT_THAT(right.out, Not(HasSubstr("--clock-offset")));
   const Result early = run({HUETRACKD, "compare", csv, truth, "--clock-offset", "0.04"});
-  EXPECT_THAT(early.out, testing::ContainsRegex("\nlime: one constant offset .* with --clock-offset -?0.00"));
-  EXPECT_THAT(early.out, testing::ContainsRegex("rms error while tracking is [123]\\.[0-9] mm, not "));
+  EXPECT_THAT(early.out, testing::ContainsRegex("\nlime: a clock offset of .* with --clock-offset -?0.00"));
+  EXPECT_THAT(early.out, testing::ContainsRegex("and [123]\\.[0-9] mm with --clock-offset"));
+  const Result aligned = run({HUETRACKD, "compare", csv, truth, "--clock-offset", "0.04", "--align-time"});
+  EXPECT_THAT(aligned.out, testing::ContainsRegex("^aligned: a clock offset of -?0.00"));
+  EXPECT_THAT(aligned.out, Not(HasSubstr("explains")));
+  EXPECT_GT(run({HUETRACKD, "compare", csv, truth, "--align", "affine"}).status, 100);
 }
 
 TEST_F(EndToEnd, CheckPrintsAConfigurationThatGivesTheSameTrack) {
@@ -308,6 +312,9 @@ TEST_F(EndToEnd, MistakesAreOneReadableLineAndExitStatusOne) {
   write(rig, "rig640.yaml");
   const std::string other_size = write(
       "version: 1\nrig: rig640.yaml\ntargets: {lime: {radius_m: 0.04, color: {hue_deg: [65, 115]}}}\n", "size.yaml");
+  const std::string only_watched = write(
+      "version: 1\nrig: " + recording + "/rig.yaml\ntargets: {lime: {radius_m: 0.04, color: {hue_deg: [65, 115]}}}\n",
+      "watched.yaml");
   const std::string misspelt = write("version: 1\nrgi: rig.yaml\n", "misspelt.yaml");
   struct Mistake {
     std::vector<std::string> arguments;
@@ -325,9 +332,13 @@ TEST_F(EndToEnd, MistakesAreOneReadableLineAndExitStatusOne) {
       {{"replay", config, recording, "--no-dds", "--pictures", "/proc/pictures"}, "/proc/pictures"},
       {{"check", recording + "/rig.yaml"}, "this is a rig, not a configuration"},
       {{"replay", config, recording + "/rig.yaml", "--no-dds"}, "this is a rig, not a recording"},
+      {{"replay", recording, config, "--no-dds"}, "write huetrackd replay CONFIG RECORDING"},
+      {{"replay", recording + "/recording.yaml", config, "--no-dds"}, "write huetrackd replay CONFIG RECORDING"},
+      {{"replay", config, "Cam0=" + recording + "/cam0.mkv", "cam1=" + recording + "/cam1.mkv", "--no-dds"},
+       "has no camera cam0 (did you mean Cam0?)"},
       {{"replay", config, config, "--no-dds"}, "this is a configuration, not a recording"},
       {{"replay", config, recording + "/cam0.mkv", "--no-dds"}, "cam0.mkv: is a video or a picture, not a recording"},
-      {{"replay", config, recording, "--hold"}, "--hold needs control: {allow_teach: true}"},
+      {{"replay", only_watched, recording, "--hold"}, "--hold needs control: {allow_teach: true}"},
       {{"replay", config, recording, "--hold", "--no-dds"}, "--hold needs DDS"},
       {{"compare", "/no/t.csv", recording + "/groundtruth.csv"}, "/no/t.csv: cannot be read"},
   };

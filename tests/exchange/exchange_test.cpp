@@ -1,5 +1,6 @@
 #include "calib/exchange/exchange.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -8,6 +9,7 @@
 #include <fstream>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
+#include <sstream>
 
 #include "calib/files/config_error.h"
 #include "calib/model/nearest_lens.h"
@@ -675,6 +677,82 @@ TEST_F(Exchange, BagWithAnUncalibratedCameraSaysSo) {
   const auto odd = file("odd.mcap", recordings::mcap_of({bag_picture("cam"), bag_info("cam", "kannala", {1, 2})}));
   EXPECT_THAT([&] { import(odd); },
               testing::ThrowsMessage<files::ConfigError>(HasSubstr("distortion_model is \"kannala\"")));
+}
+
+// Three cameras 3 m around a place near the world's origin, which they look at.
+std::string three_cameras(const std::string& pose_key, bool is_inverted) {
+  std::string text = "{";
+  for (int c = 0; c < 3; ++c) {
+    const Eigen::Vector3d at(0.2, -0.1, 0.3), centre(3 * std::cos(0.8 * c), 3 * std::sin(0.8 * c), 1.5);
+    const Eigen::Vector3d z = (at - centre).normalized(), x = z.cross(Eigen::Vector3d::UnitZ()).normalized();
+    Eigen::Matrix4d pose = Eigen::Matrix4d::Identity();
+    pose.block<1, 3>(0, 0) = x.transpose();
+    pose.block<1, 3>(1, 0) = z.cross(x).transpose();
+    pose.block<1, 3>(2, 0) = z.transpose();
+    pose.block<3, 1>(0, 3) = -pose.block<3, 3>(0, 0) * centre;
+    if (is_inverted) pose = pose.inverse().eval();
+    std::ostringstream rows;
+    rows << pose.format(Eigen::IOFormat(15, Eigen::DontAlignCols, ", ", ", ", "[", "]", "[", "]"));
+    text += fmt::format(
+        R"({}"cam{}": {{"K": [[500,0,320],[0,500,240],[0,0,1]], "D": [0.1,0,0,0,0], "size": [640,480], "{}": {}}})",
+        c == 0 ? "" : ",", c, pose_key, rows.str());
+  }
+  return text + "}";
+}
+
+void expect_three(const Imported& in) {
+  ASSERT_EQ(in.rig.cameras.size(), 3u);
+  EXPECT_NEAR(in.rig.cameras[1].centre().x(), 3 * std::cos(0.8), 1e-9);
+  EXPECT_NEAR(in.rig.cameras[2].centre().z(), 1.5, 1e-9);
+}
+
+std::string all_replaced(std::string text, const std::string& what, const std::string& by) {
+  for (auto at = text.find(what); at != std::string::npos; at = text.find(what, at + by.size()))
+    text.replace(at, what.size(), by);
+  return text;
+}
+
+TEST_F(Exchange, MatricesOfPosesByTheirNames) {
+  const Imported in = import_text("a.json", three_cameras("cam_from_world", false));
+  expect_three(in);
+  EXPECT_THAT(in.notes, testing::Not(Contains(HasSubstr("--inverted-poses"))));
+  expect_three(import_text("b.json", three_cameras("T_world_cam", true)));
+}
+
+TEST_F(Exchange, InvertedPosesAreShownBesideTheOthers) {
+  const std::string wrong = three_cameras("extrinsics", true);
+  EXPECT_THAT(import_text("a.json", wrong).notes,
+              Contains(AllOf(HasSubstr("up to 0.150 m apart"),
+                             HasSubstr("--inverted-poses), they are up to 4.304 m apart"), HasSubstr("a place 3.1"))));
+  const Imported in = import_text("b.json", wrong, {.inverts_poses = true});
+  expect_three(in);
+  EXPECT_THAT(in.notes, testing::Not(Contains(HasSubstr("--inverted-poses"))));
+}
+
+TEST_F(Exchange, KeysOfOnesOwn) {
+  const std::string text = all_replaced(three_cameras("where", false), "\"K\"", "\"lens_matrix\"");
+  EXPECT_THAT(error_of("a.json", text), HasSubstr("camera matrix: is missing"));
+  const Imported in = import_text("b.json", text, {.keys = {{"lens_matrix", "K"}, {"where", "cam_from_world"}}});
+  expect_three(in);
+  EXPECT_EQ(in.rig.cameras[0].model.fx(), 500);
+}
+
+TEST_F(Exchange, TheDistortionModelMayBeGiven) {
+  const std::string text = all_replaced(three_cameras("cam_from_world", false), "[0.1,0,0,0,0]", "[0.1,0,0,0]");
+  const Imported fisheye = import_text("a.json", text, {.distortion_model = "equidistant"});
+  EXPECT_EQ(fisheye.rig.cameras[0].model.name(), "fisheye_kb");
+  EXPECT_THAT(error_of("b.json", text, {.distortion_model = "ds"}), HasSubstr("is ds, which a rig cannot hold"));
+}
+
+TEST_F(Exchange, AStereoPairWithSidesInItsKeys) {
+  const std::string text =
+      "{\"KR\": [[510,0,320],[0,510,240],[0,0,1]], \"DR\": [0.1,0,0,0,0], \"KL\": [[500,0,320],[0,500,240],[0,0,1]], "
+      "\"DL\": [0.2,0,0,0,0], \"R\": [[1,0,0],[0,1,0],[0,0,1]], \"T\": [-0.12,0,0], \"size\": [640,480]}";
+  const Imported in = import_text("stereo.json", text);
+  ASSERT_EQ(in.rig.cameras.size(), 2u);
+  EXPECT_EQ(in.rig.cameras[0].name, "left");
+  EXPECT_EQ(in.rig.cameras[0].model.fx(), 500);
+  EXPECT_NEAR(in.rig.cameras[1].centre().x(), 0.12, 1e-9);
 }
 
 }  // namespace

@@ -39,5 +39,14 @@ TEST_F(MistakeReportOfLime, ACorrectedMistakeStaysInTheSummary) {
   EXPECT_THAT(report.summary(), ElementsAre(HasSubstr("from 0.0 s on: "), HasSubstr("from 1.0 s on: ")));
 }
 
+// A radius that follows from views that contradict one another is none.
+TEST_F(MistakeReportOfLime, SaysNothingOfTheRadiusWhereTheViewsContradictOneAnother) {
+  see(0, {{.kind = MistakeKind::radius, .size = 0.05}});
+  EXPECT_EQ(report.warnings().size(), 1u);
+  see(1, {{.kind = MistakeKind::radius, .size = 0.05}, {.kind = MistakeKind::contradiction, .off_px = 20}});
+  EXPECT_THAT(report.warnings(), ElementsAre(HasSubstr("which camera is wrong cannot be determined")));
+  EXPECT_THAT(report.summary(), ElementsAre(HasSubstr("which camera is wrong cannot be determined")));
+}
+
 }  // namespace
 }  // namespace huetrack::reports

@@ -62,12 +62,5 @@ TEST_F(TruthFile, WithoutALockThereAreNoFigures) {
   EXPECT_THAT(to_text(comparison.figures()), HasSubstr("never within 50 mm"));
 }
 
-TEST(ClockOffsetText, AddsTheGivenOffset) {
-  const truth::TrackOffset offset{.offset_s = 0.0301, .rms_m = 0.0087, .rms_without_m = 0.0291, .mean_nees = 3.2};
-  EXPECT_THAT(to_text(offset, 0), HasSubstr("with --clock-offset 0.0301"));
-  EXPECT_THAT(to_text(offset, 1), HasSubstr("with --clock-offset 1.0301"));
-  EXPECT_THAT(to_text(offset, 0), HasSubstr("is 8.7 mm, not 29.1, and the mean NEES 3.20"));
-}
-
 }  // namespace
 }  // namespace huetrack::tracks

@@ -1,0 +1,165 @@
+#include "truth/alignment.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/SVD>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+namespace huetrack::truth {
+namespace {
+
+constexpr double furthest_s = 0.5;  // latencies of cameras are tenths of a second at most
+constexpr double coarse_s = 5e-3, fine_s = 2.5e-4;
+constexpr std::size_t fewest = 30, most_in_search = 500, most_kept = 4000;
+constexpr double least_share = 0.8;  // of the estimates with a truth, with the offset
+constexpr double explains = 0.5;     // maximum ratio of the rms errors with and without it
+
+std::chrono::nanoseconds duration_of(double s) {
+  return std::chrono::round<std::chrono::nanoseconds>(std::chrono::duration<double>(s));
+}
+
+// Positions of the track and of the truth at the same times; every n-th.
+struct Pairs {
+  std::vector<Eigen::Vector3d> track, truth;
+};
+
+Pairs pairs_at(const Truth& truth, std::span<const TargetTrack> tracks, std::size_t every, double offset_s) {
+  Pairs pairs;
+  const auto offset = duration_of(offset_s);
+  for (const TargetTrack& track : tracks)
+    for (std::size_t i = 0; i < track.estimates.size(); i += every)
+      if (const auto there = truth.position(track.target, track.estimates[i].at - offset)) {
+        pairs.track.push_back(track.estimates[i].position);
+        pairs.truth.push_back(*there);
+      }
+  return pairs;
+}
+
+Eigen::Vector3d mean_of(const std::vector<Eigen::Vector3d>& points) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& point : points) sum += point;
+  return sum / double(points.size());
+}
+
+// Umeyama, Least-squares estimation of transformation parameters between two point patterns, PAMI 1991. Not empty.
+Alignment fitted(const Pairs& pairs, Freedom freedom) {
+  Alignment fit{.freedom = freedom};
+  const auto n = double(pairs.track.size());
+  if (freedom != Freedom::none) {
+    const Eigen::Vector3d from = mean_of(pairs.track), to = mean_of(pairs.truth);
+    Eigen::Matrix3d cross = Eigen::Matrix3d::Zero();
+    double spread = 0;
+    for (std::size_t i = 0; i < pairs.track.size(); ++i) {
+      cross += (pairs.truth[i] - to) * (pairs.track[i] - from).transpose() / n;
+      spread += (pairs.track[i] - from).squaredNorm() / n;
+    }
+    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(cross, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    Eigen::Vector3d signs(1, 1, svd.matrixU().determinant() * svd.matrixV().determinant() < 0 ? -1 : 1);
+    fit.rotation = svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
+    if (freedom == Freedom::similarity && spread > 0) fit.scale = svd.singularValues().dot(signs) / spread;
+    fit.translation = to - fit.scale * fit.rotation * from;
+    fit.shift_m = (to - from).norm();
+  }
+  double squares = 0;
+  for (std::size_t i = 0; i < pairs.track.size(); ++i)
+    squares += (fit.scale * fit.rotation * pairs.track[i] + fit.translation - pairs.truth[i]).squaredNorm();
+  fit.rms_m = std::sqrt(squares / n);
+  return fit;
+}
+
+std::string options_text(const Alignment& alignment) {
+  std::string text;
+  if (alignment.freedom == Freedom::rigid) text = "--align rigid";
+  if (alignment.freedom == Freedom::similarity) text = "--align similarity";
+  if (alignment.aligns_time) text += text.empty() ? "--align-time" : " --align-time";
+  return text;
+}
+
+}  // namespace
+
+Estimated Alignment::aligned(const Estimated& estimate) const {
+  return {.at = estimate.at - duration_of(offset_s),
+          .position = scale * rotation * estimate.position + translation,
+          .covariance = scale * scale * rotation * estimate.covariance * rotation.transpose()};
+}
+
+std::string Alignment::text(double given_s) const {
+  std::string text;
+  if (aligns_time) text = fmt::format("a clock offset of {:.4f} s", given_s + offset_s);
+  if (freedom == Freedom::none) return text;
+  constexpr double deg = 180 / std::numbers::pi;
+  if (!text.empty()) text += " and ";
+  if (freedom == Freedom::similarity) text += fmt::format("a scale of {:.4f} with ", scale);
+  return text + fmt::format("a rigid transform (turns by {:.2f} degrees, moves by {:.1f} mm)",
+                            deg * Eigen::AngleAxisd(rotation).angle(), 1e3 * shift_m);
+}
+
+std::optional<Alignment> align(const Truth& truth, std::span<const TargetTrack> tracks, Freedom freedom,
+                               bool aligns_time) {
+  std::size_t count = 0;
+  for (const TargetTrack& track : tracks) count += track.estimates.size();
+  const Pairs all = pairs_at(truth, tracks, 1, 0);
+  if (all.track.size() < fewest) return std::nullopt;
+  double best_s = 0;
+  if (aligns_time) {
+    const std::size_t every = 1 + count / most_in_search;
+    double least_m = std::numeric_limits<double>::infinity();
+    const auto search = [&](double around_s, double reach_s, double step_s) {
+      const int steps = int(std::lround(reach_s / step_s));
+      for (int k = -steps; k <= steps; ++k) {
+        const double offset_s = around_s + k * step_s;
+        const Pairs pairs = pairs_at(truth, tracks, every, offset_s);
+        if (pairs.track.empty() || double(pairs.track.size() * every) < least_share * double(all.track.size()))
+          continue;
+        if (const double rms_m = fitted(pairs, freedom).rms_m; rms_m < least_m) least_m = rms_m, best_s = offset_s;
+      }
+    };
+    search(0, furthest_s, coarse_s);
+    search(best_s, coarse_s, fine_s);
+  }
+  Alignment best = fitted(best_s == 0 ? all : pairs_at(truth, tracks, 1, best_s), freedom);
+  best.aligns_time = aligns_time;
+  best.offset_s = best_s;
+  return best;
+}
+
+std::optional<Explanation> explanation(const Truth& truth, std::span<const TargetTrack> tracks) {
+  const auto as_it_is = align(truth, tracks, Freedom::none, false);
+  if (!as_it_is) return std::nullopt;
+  const auto fit = [&](Freedom freedom, bool aligns_time) { return *align(truth, tracks, freedom, aligns_time); };
+  const Alignment rigid_and_clock = fit(Freedom::rigid, true), with_scale = fit(Freedom::similarity, true);
+  const Alignment simplest_first[] = {fit(Freedom::none, true), fit(Freedom::rigid, false), rigid_and_clock,
+                                      fit(Freedom::similarity, false), with_scale};
+  const auto* by = std::ranges::find_if(
+      simplest_first, [&](const Alignment& candidate) { return candidate.rms_m < explains * as_it_is->rms_m; });
+  if (by == std::end(simplest_first)) return std::nullopt;
+  const bool is_scaled = with_scale.rms_m < explains * rigid_and_clock.rms_m;
+  return Explanation{.rms_m = as_it_is->rms_m, .by = *by, .full = is_scaled ? with_scale : rigid_and_clock};
+}
+
+std::string to_text(const Explanation& e, double given_s) {
+  const Alignment& by = e.by;
+  const bool is_clock = by.freedom == Freedom::none;
+  std::string text =
+      fmt::format("{} explain{} most of the error: the rms error while tracking is {:.1f} mm, and {:.1f} mm with {}",
+                  by.text(given_s), by.aligns_time && !is_clock ? "" : "s", 1e3 * e.rms_m, 1e3 * by.rms_m,
+                  is_clock ? fmt::format("--clock-offset {:.4f}", given_s + by.offset_s) : options_text(by));
+  const auto mm = [](const Alignment& alignment) { return fmt::format("{:.1f} mm", 1e3 * alignment.rms_m); };
+  if (e.full.rms_m < by.rms_m && mm(e.full) != mm(by))  // no difference in figures that are not shown
+    text += fmt::format("; {} leave {} ({})", e.full.text(given_s), mm(e.full), options_text(e.full));
+  return text + "; options of huetrackd compare and huetrack plot";
+}
+
+void EstimatedSample::add(const Estimated& estimate) {
+  if (seen_++ % every_ != 0) return;
+  kept_.push_back(estimate);
+  if (kept_.size() < most_kept) return;
+  for (std::size_t i = 0; 2 * i < kept_.size(); ++i) kept_[i] = kept_[2 * i];
+  kept_.resize((kept_.size() + 1) / 2);
+  every_ *= 2;
+}
+
+}  // namespace huetrack::truth
