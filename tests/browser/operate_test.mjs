@@ -59,6 +59,7 @@ async function test() {
   await until("it can be downloaded", () => page.isVisible("#recordings-list a"));
   assert.equal(await page.textContent("#record-state"), "not recording");
   const name = await page.getAttribute("#recordings-list tr", "data-recording");
+  await until("it has a picture", () => page.locator("#recordings-list img").evaluate((image) => image.naturalWidth > 0));
 
   // ---- Downloaded, unpacked, replayed.
   const [download] = await Promise.all([page.waitForEvent("download"), page.click("#recordings-list a")]);
@@ -105,6 +106,17 @@ async function test() {
     assert.equal(await post(body), 400, body);
   assert.equal(await post("{}", { "Content-Type": "text/plain" }), 415);
   assert.equal(await post("{}", { "Content-Type": "application/json", Origin: "http://evil.example" }), 403);
+
+  // ---- The configuration, copied.
+  await page.context().grantPermissions(["clipboard-read", "clipboard-write"]);
+  await page.click("#copy-config");
+  await until("it is copied", async () => /^Copied: my\.yaml/.test(await page.textContent("#toast")));
+  assert.match(await page.evaluate(() => navigator.clipboard.readText()), /^# ---- my\.yaml\nversion: 1\n[\s\S]*pre_roll_s: 3/);
+
+  // ---- The documents.
+  const help = await page.request.get(new URL("/help.html", address).href).then((answer) => answer.text());
+  assert.match(help, /<article id="clients-live_view-readme-md">[\s\S]*Teach a colour/);
+  assert.ok(!/href="[^#/h]/.test(help), "its links lead into itself or to the web");
 
   // ---- Targets by hand: the mask follows the sliders, and what is saved is tracked with.
   const state = (target) => page.getAttribute(`#targets li[data-target=${target}]`, "data-state").catch(() => "");

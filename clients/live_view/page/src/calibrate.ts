@@ -128,7 +128,7 @@ function show(): void {
   if (!hasRig) choices.find((choice) => choice.value === "board")!.checked = true;
   const now = word("state");
   const lamp = $("calibrate-lamp");
-  const names: Record<string, string> = { recording: "recording", closing: "recorded", solving: "calibrating", usable: "waits to be accepted", doubtful: "waits to be looked at" };
+  const names: Record<string, string> = { recording: "recording", closing: "recorded", solving: "calibrating", usable: "usable", doubtful: "doubtful" };
   lamp.dataset.state = now === "recording" ? "recording" : now || "none";
   lamp.textContent = names[now] ?? "";
   $("calibrate-begin").hidden = isBusy();

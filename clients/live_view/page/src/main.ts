@@ -21,6 +21,7 @@ import { drawAdjust, updateAdjust } from "./adjust";
 import { updateCalibration } from "./calibrate";
 import { drawControls, updateControls } from "./controls";
 import { takeControlReply } from "./control";
+import { updateCopyConfig } from "./copy_config";
 import { updateNotices } from "./notices";
 import { updatePlayback } from "./playback";
 import { updateRecordings } from "./recordings";
@@ -268,7 +269,7 @@ function updateTargets(): void {
   const inOrder = [...store.targets.keys()].map(cardOf);
   if (inOrder.some((card, i) => list.children[i] !== card)) list.prepend(...inOrder);
   if (inOrder.length) $("no-targets").hidden = true;
-  fitTargets();
+  if (inOrder.length !== fittedCount) fitTargets();
 }
 
 // For screen readers.
@@ -278,17 +279,23 @@ function announceState(name: string, state: State): void {
   announced.set(name, state);
 }
 
-// As much of each card as lets all positions be seen at once: all figures, two lines, or one.
-const densities = ["full", "compact", "dense"];
+// As much of each card as lets all positions be seen at once: all figures, those in a line, none, or one line in all.
+const densities = ["full", "tight", "compact", "dense"];
 let fittedFor = "";
+let fittedCount = -1;
+let fittedAt = -Infinity;
 function fitTargets(): void {
   const list = $("targets");
-  const panel = list.parentElement!;
-  const now = [list.children.length, panel.clientWidth, innerHeight, $("stage").dataset.cameras, $("stage").clientHeight, document.body.dataset.drawer].join();
-  if (now === fittedFor) return;
+  const stage = $("stage");
+  const now = [list.children.length, stage.clientWidth, stage.clientHeight, stage.dataset.cameras, stage.style.cssText, document.body.dataset.drawer].join();
+  // Fuller only in another layout, or after some seconds: a sentence that comes and goes does not change it back and forth.
+  const isSame = now === fittedFor && performance.now() - fittedAt < 10000;
+  const first = isSame ? densities.indexOf(list.dataset.density ?? "full") : 0;
+  if (!isSame) fittedAt = performance.now();
   fittedFor = now;
-  for (const density of densities) {
-    list.dataset.density = density;
+  fittedCount = store.targets.size;
+  for (const density of densities.slice(first)) {
+    if (list.dataset.density !== density) list.dataset.density = density;
     if (list.scrollHeight <= list.clientHeight + 1) return;
   }
 }
@@ -398,6 +405,7 @@ function tick(): void {
     : "Cameras, volume and targets are drawn here once a service publishes them.";
   $("no-cameras").textContent = serving ? "Pictures are awaited; they come while this page is looked at." : "No service sends pictures.";
   updateCameras(serving);
+  fitTargets();
   updateHealth(serving);
   updatePlotTexts();
   updateTeach(serving);
@@ -406,6 +414,7 @@ function tick(): void {
   updateCalibration(serving);
   updatePlayback(serving);
   updateRecordings();
+  updateCopyConfig();
   updateSteps();
 }
 

@@ -28,7 +28,7 @@ const setUp = (names: string[]): Action | null => {
 const calibrate = (what: "board" | "wave") => (): Action | null =>
   store.status?.mode === "run" && !calibrationRefused() ? [what === "wave" ? "Measure by waving…" : "Calibrate…", () => openCalibration(what)] : null;
 const teach = (names: string[]): Action | null => {
-  const target = names.find((name) => store.scene?.targets.some((t) => t.name === name)) ?? store.scene?.targets[0]?.name;
+  const target = (store.scene?.targets.find((t) => names.some((name) => name === t.name || name.startsWith(`${t.name} in `))) ?? store.scene?.targets[0])?.name;
   return target && store.scene?.may_teach ? [`Teach ${target}…`, () => openTeaching(target)] : null;
 };
 const adjust = (): Action | null => (mayChange() ? ["Targets…", () => (store.scene?.targets.length ? show("adjust") : openTargets())] : null);
@@ -83,6 +83,8 @@ interface Line {
 function parted(warning: string): { names: string[]; rest: string } {
   const [, , name, rest] = /^((?:camera|target) )?([^\s:]+): (.*)$/s.exec(warning) ?? [];
   if (name && (isCamera(name) || store.status?.targets.includes(name))) return { names: [name], rest };
+  const [, whole, colored, words] = /^((\S+) in \S+): (.*)$/s.exec(warning) ?? []; // a target's colour in a camera
+  if (store.status?.targets.includes(colored)) return { names: [whole], rest: words };
   const target = /^target (\S+) (.*)$/s.exec(warning);
   if (target) return { names: [target[1].replace(/:$/, "")], rest: target[2] };
   const camera = /^(?:camera )?(\S+?)('s)? (.*)$/s.exec(warning);
@@ -145,7 +147,9 @@ function itemOf(line: Line, index: number): HTMLElement {
   const item = document.createElement("li");
   item.dataset.level = line.level;
   const text = document.createElement("p");
-  if (line.names.length) text.append(Object.assign(document.createElement("b"), { textContent: `${line.names.join(", ")}: ` }), line.text);
+  // "navy is not found", but "cam0, cam1: no time stamps".
+  const colon = line.names.length === 1 && /^(is|has|was|sees|sags) /.test(line.text) ? " " : ": ";
+  if (line.names.length) text.append(Object.assign(document.createElement("b"), { textContent: line.names.join(", ") + colon }), line.text);
   else text.textContent = capital(line.text);
   text.title = text.textContent!;
   item.append(text);

@@ -28,7 +28,7 @@ async function send(...words: string[]): Promise<void> {
     $("replay-close").hidden = state.closes !== "true";
     const position = Number(state.position_s);
     positionAt = { s: position, at: performance.now() };
-    length = Number(state.length_s || NaN);
+    length = state.seeks === "true" ? Number(state.length_s || NaN) : NaN;
     const of = length > 0 ? ` of ${length.toFixed(1)}` : "";
     $("replay-at").textContent = `${isPaused ? "paused at" : "at"} ${position.toFixed(2)}${of} s`;
     showSeek(position);

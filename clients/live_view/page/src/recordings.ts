@@ -80,7 +80,7 @@ async function act(word: string): Promise<void> {
 const duration = (seconds: number) =>
   seconds < 60 ? `${seconds.toFixed(1)} s` : `${Math.floor(seconds / 60)} min ${String(Math.floor(seconds % 60)).padStart(2, "0")} s`;
 const size = (bytes: number) => (bytes < 1e6 ? `${(bytes / 1e3).toFixed(0)} kB` : bytes < 1e9 ? `${(bytes / 1e6).toFixed(1)} MB` : `${(bytes / 1e9).toFixed(2)} GB`);
-const moment = (text: string) => (text ? new Date(1000 * Number(text)).toLocaleString() : "");
+const moment = (text: string) => (text ? new Date(1000 * Number(text)).toLocaleString(undefined, { dateStyle: "short", timeStyle: "short" }) : "");
 
 let shown = "";
 function show(rows: string[][]): void {
@@ -128,9 +128,22 @@ function rowOf([name, begun, length, bytes, cameras, how]: string[]): HTMLTableR
   return row;
 }
 
+// One after the other, and each once: the service decodes them.
+const pictures = new Map<string, Promise<string>>(); // addresses, by name; empty: there is none
+let lastPicture: Promise<unknown> = Promise.resolve();
 function thumbnail(name: string): HTMLElement {
-  const picture = Object.assign(document.createElement("img"), { src: `/api/recordings/${encodeURIComponent(name)}.jpg`, alt: "", loading: "lazy", width: 64, height: 48 });
-  picture.addEventListener("error", () => picture.remove());
+  const picture = Object.assign(document.createElement("img"), { alt: "", width: 64, height: 48 });
+  const key = `${service}/${name}`;
+  let address = pictures.get(key);
+  if (!address) {
+    address = lastPicture.then(async () => {
+      const answer = await fetch(`/api/recordings/${encodeURIComponent(name)}.jpg`);
+      return answer.ok ? URL.createObjectURL(await answer.blob()) : "";
+    }).catch(() => "");
+    lastPicture = address;
+    pictures.set(key, address);
+  }
+  void address.then((source) => (source ? (picture.src = source) : picture.remove()));
   return picture;
 }
 

@@ -170,3 +170,4 @@ export function restore(): void {
   if (lasting.includes(last) && !narrow.matches) show(last as Tool);
 }
 narrow.addEventListener("change", mark);
+addEventListener("resize", mark);

@@ -408,7 +408,7 @@ function listCameras(): void {
       item.innerHTML = `<b></b><span class="chip"></span><p></p><p class="ranges"></p>`;
       item.querySelector("b")!.textContent = camera;
       item.querySelector(".chip")!.textContent = chip;
-      item.querySelector("p")!.textContent = text;
+      item.querySelector("p")!.textContent = text.replace(`camera ${camera}: `, "");
       item.querySelector(".ranges")!.textContent = taught?.pointed ? textOf(taught.color) : "";
       return item;
     }),
