@@ -23,7 +23,7 @@ inline constexpr std::array control_groups{
     ControlGroup{"calibrate",
                  "board [KEY=VALUE ...], wave TARGET [SECONDS] [camera_distance=CAMERA,CAMERA,METRES], again "
                  "camera_distance=CAMERA,CAMERA,METRES, state, stop, cancel, accept [doubtful]"},
-    ControlGroup{"replay", "open NAME, close, state, pause, go, step [N], speed X"}};
+    ControlGroup{"replay", "open NAME, close, state, pause, go, step [N], speed X, seek SECONDS"}};
 
 // Letters, digits, '.', '_' and '-', not beginning with '.': a plain folder name.
 inline bool is_recording_name(std::string_view name) {

@@ -149,6 +149,11 @@ std::string BusReader::enqueue(std::deque<Request>& queue, Request request) {
   if (!refused_.empty()) return "This page may only watch: " + refused_ + ".";
   const std::scoped_lock lock(mutex_);
   if (queue.size() >= most_requests) return "Too many requests wait for the service.";
+  if (request.host().empty()) {
+    if (shown_host_.empty()) return "There is no service to ask.";
+    request.host(shown_host_);
+    request.pid(shown_pid_);
+  }
   queue.push_back(std::move(request));
   return "";
 }

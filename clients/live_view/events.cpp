@@ -274,8 +274,10 @@ Request addressed(const Json& j) {
   Request request;
   request.client(j.at("client").get<std::string>());
   request.number(j.at("number").get<std::uint32_t>());
-  request.host(j.at("host").get<std::string>());
-  request.pid(j.at("pid").get<std::uint32_t>());
+  if (j.contains("host") || j.contains("pid")) {  // neither: the shown service
+    request.host(j.at("host").get<std::string>());
+    request.pid(j.at("pid").get<std::uint32_t>());
+  }
   if (request.client().size() > longest_client || request.host().size() > longest_name)
     throw std::invalid_argument("a name is too long");
   return request;

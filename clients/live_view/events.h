@@ -37,7 +37,8 @@ std::string to_json(const Pulse& pulse);
 
 // Throws std::invalid_argument with a message for the client: not JSON, a wrong type, too many points.
 msg::TeachRequest teach_request_of(const std::string& json);
-// Throws std::invalid_argument with a message for the client: too many words, or too long ones.
+// Without host and pid, both are empty: for the shown service. Throws std::invalid_argument with a message for the
+// client: too many words, or too long ones.
 msg::ControlRequest control_request_of(const std::string& json);
 
 }  // namespace huetrack::live_view

@@ -64,4 +64,5 @@ echo "  every view with the particles and the estimate: $(find "$out/pictures" -
 echo "  the track in 3-D with the truth:                $out/pictures/track_3d.png"
 [ "$printed" -gt 0 ] || { echo "No sample arrived: see $out/replay.log" >&2; exit 1; }
 echo
-echo "== next: bash configs/install.sh builds all three programs (huetrack-calibrate and the live page, too) and installs them"
+echo "== next: bash configs/install.sh builds all three programs (huetrack-calibrate and the live page, too) and installs them;"
+echo "   then huetrackd demo plays this recording as if it were live, with the page on it: teach, record, calibrate"

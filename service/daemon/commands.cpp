@@ -9,8 +9,10 @@
 #include <memory>
 #include <type_traits>
 
+#include "calib/files/number_text.h"
 #include "daemon/capture_command.h"
 #include "daemon/check.h"
+#include "daemon/demo_command.h"
 #include "daemon/live.h"
 #include "daemon/replay.h"
 #include "daemon/setup_command.h"
@@ -41,6 +43,20 @@ CLI::Validator word_of(const std::map<std::string, Value>& words) {
         std::vector<std::string> choices;
         for (const auto& [word, _] : words) choices.push_back(word);
         return fmt::format("must be {}, not '{}'", fmt::join(choices, " or "), text);
+      },
+      "");
+}
+
+// max: 0, real: 1, or a number.
+CLI::Validator play_speed() {
+  static constexpr double slowest = 0.1, fastest = 10;
+  return CLI::Validator(
+      [](std::string& text) {
+        if (text == "max") text = "0";
+        if (text == "real") text = "1";
+        const auto speed = files::number_of<double>(text);
+        if (speed && (*speed == 0 || (*speed >= slowest && *speed <= fastest))) return std::string();
+        return fmt::format("must be max, real, or a number from {} to {}, not '{}'", slowest, fastest, text);
       },
       "");
 }
@@ -88,12 +104,17 @@ void add_replay_command(CLI::App& app, Command& chosen) {
   CLI::App* command = app.add_subcommand("replay", "track a recording");
   command->add_option("config", replay_options.config, config_help)->required();
   command->add_option("recording", replay_options.recording, recording_help)->required();
-  const std::map<std::string, ReplaySpeed> speeds{{"real", ReplaySpeed::real}, {"max", ReplaySpeed::max}};
   command
-      ->add_option("--speed", replay_options.speed,
-                   "real: as recorded; max (default): as fast as possible, never dropping a frame")
-      ->transform(word_of(speeds))
-      ->type_name("max|real");
+      ->add_option(
+          "--speed", replay_options.speed,
+          "real: as recorded; 0.1 to 10: so many times that; max (default): as fast as possible, never dropping "
+          "a frame")
+      ->transform(play_speed())
+      ->type_name("max|real|0.1..10");
+  command->add_flag(
+      "--loop", replay_options.loops,
+      "begin again at the end, until Ctrl-C; published times go on rising, and --truth compares the first "
+      "pass");
   command->add_option("--tracks", replay_options.tracks, "write the tracks to this CSV file");
   command->add_option("--poses", replay_options.poses, poses_help);
   command->add_option("--pictures", replay_options.pictures,
@@ -106,8 +127,8 @@ void add_replay_command(CLI::App& app, Command& chosen) {
   const std::map<std::string, ReplayStamps> stamps{{"now", ReplayStamps::now}, {"recording", ReplayStamps::recording}};
   command
       ->add_option("--stamps", replay_options.stamps,
-                   "published capture times: now (default at speed real), as if captured now, or recording "
-                   "(default at speed max)")
+                   "published capture times: now (default unless at speed max), as if captured now, or "
+                   "recording (default at speed max)")
       ->transform(word_of(stamps))
       ->type_name("now|recording");
   command->add_option("--threads", replay_options.threads, "instead of the configuration's")->check(CLI::Range(1, 64));
@@ -186,6 +207,24 @@ void add_setup_command(CLI::App& app, Command& chosen) {
       ->capture_default_str();
   on_choice(*command, chosen,
             [options](const std::stop_token& stop) { set_up(options->setup, options->requests, stop); },
+            {{SIGHUP, ask(options->requests.reload)}, {SIGUSR1, ask(options->requests.save)}});
+}
+
+void add_demo_command(CLI::App& app, Command& chosen) {
+  struct Options {
+    DemoCommand demo;
+    LiveRequests requests;
+  };
+  const auto options = std::make_shared<Options>();
+  CLI::App* command =
+      app.add_subcommand("demo", "without cameras: play the bundled recording in their place, and open the page on it");
+  command->add_option("folder", options->demo.folder,
+                      "keep the demo's files, and what you teach and record, in this folder");
+  command->add_option("--port", options->demo.port, "TCP port of the page (8765); 0: any free one")
+      ->check(CLI::Range(0, 65535));
+  command->add_flag("!--no-page", options->demo.with_page, "without the page");
+  on_choice(*command, chosen,
+            [options](const std::stop_token& stop) { run_demo(options->demo, options->requests, stop); },
             {{SIGHUP, ask(options->requests.reload)}, {SIGUSR1, ask(options->requests.save)}});
 }
 

@@ -25,6 +25,7 @@ void add_check_command(CLI::App& app, Command& chosen);
 void add_replay_command(CLI::App& app, Command& chosen);
 void add_run_command(CLI::App& app, Command& chosen);
 void add_setup_command(CLI::App& app, Command& chosen);
+void add_demo_command(CLI::App& app, Command& chosen);
 void add_capture_command(CLI::App& app, Command& chosen);
 void add_record_command(CLI::App& app, Command& chosen);
 void add_doctor_command(CLI::App& app, Command& chosen);

@@ -258,7 +258,7 @@ void replay_instead(const config::ServiceConfig& config, const std::filesystem::
   ReplayCommand command;
   command.config = config.file;
   command.recording = {recording.string()};
-  command.speed = ReplaySpeed::real;
+  command.speed = 1;
   command.reload = &requests.reload;
   command.close = [&closing] { closing.request_stop(); };
   command.progress = false;

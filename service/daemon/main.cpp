@@ -41,6 +41,7 @@ int main(int argc, char** argv) {
   files::name_unknown_commands(app, "huetrackd", CLI::FailureMessage::simple);
   daemon::Command chosen;
   daemon::add_setup_command(app, chosen);
+  daemon::add_demo_command(app, chosen);
   daemon::add_check_command(app, chosen);
   daemon::add_replay_command(app, chosen);
   daemon::add_run_command(app, chosen);

@@ -17,7 +17,7 @@
 #include "calib/files/terminal_line.h"
 #include "color/color_name.h"
 #include "config/service_config.h"
-#include "daemon/played_source.h"
+#include "daemon/opened_recording.h"
 #include "daemon/reloader.h"
 #include "daemon/service_manager.h"
 #include "daemon/status_reporter.h"
@@ -26,7 +26,6 @@
 #include "pipeline/bus.h"
 #include "pipeline/file_outputs.h"
 #include "pipeline/picture_folder.h"
-#include "pipeline/recorded_cameras.h"
 #include "pipeline/session.h"
 #include "recordings/recording.h"
 #include "recordings/replay_source.h"
@@ -63,45 +62,6 @@ void refuse_outputs_over_inputs(const ReplayCommand& command, const config::Serv
                            read);
 }
 
-// An opened recording. The session owns the sources; source and played are valid as long as the session.
-struct OpenedRecording {
-  recordings::Recording recording;
-  pipeline::SessionSources sources;
-  recordings::ReplaySource* source = nullptr;
-  PlayedSource* played = nullptr;  // null: cannot be paused
-};
-
-OpenedRecording open_recording(const config::ServiceConfig& config, const ReplayCommand& command) {
-  OpenedRecording playback{.recording = recordings::read_recording(command.recording), .sources = {}};
-  const std::vector<std::string> names = config.rig.camera_names();
-  auto source = std::make_unique<recordings::ReplaySource>(
-      playback.recording, names,
-      recordings::ReplayOptions{.decoder_threads = std::max(1, int(std::thread::hardware_concurrency())),
-                                .timing = config::frame_timing(config.rig),
-                                .takes_matches = true});
-  playback.source = source.get();
-  playback.sources = pipeline::recorded_cameras(playback.recording, *source);
-  if (config.dds.enabled && !command.no_dds && config.control.allow_teach) {
-    auto played = std::make_unique<PlayedSource>(
-        std::move(source),
-        PlayedSourceOptions{.cameras = names.size(), .speed = command.speed == ReplaySpeed::real ? 1.0 : 0.0});
-    playback.played = played.get();
-    playback.sources.sources.push_back(std::move(played));
-  } else {
-    playback.sources.sources.push_back(std::move(source));
-  }
-  return playback;
-}
-
-// The time for --hold: end of the first set with every camera that starts within a second of the first.
-capture::Timestamp first_whole_set(const recordings::ReplaySource& source, capture::Duration set_span) {
-  const capture::Timestamp first = source.first_at().value_or(capture::Timestamp{});
-  capture::Timestamp last = first;
-  for (const auto& camera : source.cameras())
-    if (camera.first_at && *camera.first_at - first <= 1s) last = std::max(last, *camera.first_at);
-  return last + set_span;
-}
-
 // Replayed with its own configuration, a recording repeats its changes.
 pipeline::RecordedChanges changes_to_repeat(const config::ServiceConfig& config,
                                             const recordings::Recording& recording) {
@@ -121,13 +81,11 @@ std::optional<tracks::Truth> truth_of(const config::ServiceConfig& config, const
   tracks::Truth truth = tracks::Truth::read(command.truth);
   for (const auto& sentence : truth.match(config.dds.publisher.targets))
     spdlog::warn("{}: {}", command.truth.string(), sentence);
-  capture::Timestamp last = source.first_at().value_or(capture::Timestamp{});
-  for (const auto& camera : source.cameras()) {
-    if (!camera.expected_frames) return truth;  // how long it is, no file says
-    if (camera.first_at) last = std::max(last, *camera.first_at + *camera.expected_frames * camera.frame_period);
-  }
+  const auto length = length_of(source);
+  if (!length) return truth;  // how long it is, no file says
+  const capture::Timestamp first = source.first_at().value_or(capture::Timestamp{});
   const auto& volume = config.object_tracking.volume;
-  for (const auto& sentence : truth.contradictions(source.first_at().value_or(last), last, {volume.min, volume.max}))
+  for (const auto& sentence : truth.contradictions(first, first + *length, {volume.min, volume.max}))
     spdlog::warn("{}: {}", command.truth.string(), sentence);
   return truth;
 }
@@ -171,8 +129,11 @@ class ReplayStatus final : public pipeline::Output {
 // The progress bar.
 class ReplayProgress final : public pipeline::Output {
  public:
-  ReplayProgress(bool wanted, const pipeline::Session& session, const recordings::ReplaySource& source)
-      : bar_(wanted), session_(session), expected_(source.expected_frames()), first_at_(source.first_at()) {
+  ReplayProgress(bool wanted, const pipeline::Session& session, const OpenedRecording& playback, bool loops)
+      : bar_(wanted),
+        session_(session),
+        expected_(loops ? std::nullopt : playback.source().expected_frames()),
+        first_at_(playback.first_at) {
     for (const auto& target : session.config().targets) targets_.push_back(target.name);
   }
   void begin(Clock::time_point at) { began_ = at; }
@@ -185,7 +146,7 @@ class ReplayProgress final : public pipeline::Output {
     for (const auto& estimate : set.estimates)
       states.push_back(fmt::format("{} {}", object_tracking::object_name(targets_[estimate.target], estimate.object),
                                    object_tracking::name(estimate.state)));
-    const double played_s = capture::seconds(set.frames.at - first_at_.value_or(capture::Timestamp{}));
+    const double played_s = capture::seconds(set.frames.at - first_at_);
     bar_.draw(fmt::format("{} frames  {:.1f}x real time{}{}", files::progress_bar(frames, expected_),
                           played_s / capture::seconds(Clock::now() - began_), states.empty() ? "" : "  ",
                           fmt::join(states, ", ")));
@@ -196,7 +157,7 @@ class ReplayProgress final : public pipeline::Output {
   files::TerminalLine bar_;
   const pipeline::Session& session_;
   const std::optional<std::int64_t> expected_;
-  const std::optional<capture::Timestamp> first_at_;
+  const capture::Timestamp first_at_;
   std::vector<std::string> targets_;
   Clock::time_point began_{};
 };
@@ -245,16 +206,15 @@ void wait_for_subscribers(const publish::EstimatePublisher& publisher, const Rep
   }
 }
 
-// Start of the first frame, as published and as released.
-void begin_time(pipeline::Session& session, const OpenedRecording& playback, const ReplayCommand& command,
-                Clock::time_point now) {
-  const bool is_paced = command.speed == ReplaySpeed::real;
-  const capture::Timestamp first_at = playback.source->first_at().value_or(capture::Timestamp{});
+// Start of the first frame, as published.
+void begin_time(pipeline::Session& session, const OpenedRecording& playback, const ReplayCommand& command) {
+  const bool is_paced = command.speed > 0;
   // Pauses shift the published times.
-  const auto* lag_ns = playback.played != nullptr ? &playback.played->lag_ns() : nullptr;
-  if (is_paced && playback.played == nullptr) session.hold_to({now, first_at});
+  pipeline::PublishedTime::Lag lag;
+  if (const PlayedSource* const played = playback.played)
+    lag = [played](capture::Timestamp captured) { return played->lag_at(captured); };
   if (command.stamps.value_or(is_paced ? ReplayStamps::now : ReplayStamps::recording) == ReplayStamps::now) {
-    session.time().begin(capture::Timestamp(std::chrono::system_clock::now()) - first_at, lag_ns);
+    session.time().begin(capture::Timestamp(std::chrono::system_clock::now()) - playback.first_at, std::move(lag));
   } else if (playback.recording.started_at) {
     session.time().begin(playback.recording.started_at->time_since_epoch());
   }
@@ -310,12 +270,13 @@ std::string turned_text(const recordings::ReplaySource& source) {
 
 // config: in force at the end. figures: after the run
 ReplaySummary summary_of(const config::ServiceConfig& config, const ReplayCommand& command,
-                         const pipeline::PipelineFigures& figures, const recordings::ReplaySource& source,
-                         const Tally& tally, Clock::time_point began, bool is_stopped) {
+                         const pipeline::PipelineFigures& figures, const OpenedRecording& playback, const Tally& tally,
+                         Clock::time_point began, bool is_stopped) {
   ReplaySummary summary;
   summary.figures = figures;
   summary.stopped = is_stopped;
   summary.wall_s = capture::seconds(tally.last_out() - began);
+  const recordings::ReplaySource& source = playback.source();
   capture::Duration period = 0ns;
   for (const auto& camera : source.cameras()) {
     summary.missing_frames += camera.missing;
@@ -323,8 +284,7 @@ ReplaySummary summary_of(const config::ServiceConfig& config, const ReplayComman
     period = std::max(period, camera.frame_period);
   }
   if (!is_stopped) summary.ended_early = early_ends(source.cameras(), summary.figures.cameras);
-  if (tally.last_at())
-    summary.recorded_s = capture::seconds(*tally.last_at() - source.first_at().value_or(capture::Timestamp{}) + period);
+  if (tally.last_at()) summary.recorded_s = capture::seconds(*tally.last_at() - playback.first_at + period);
   summary.targets = tally.targets();
   const std::vector<std::string> cameras = config.rig.camera_names();
   for (std::size_t t = 0; t < summary.targets.size(); ++t) {
@@ -353,15 +313,15 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   const config::ServiceConfig config = configuration_of(command);
   OpenedRecording playback = open_recording(config, command);
   refuse_outputs_over_inputs(command, config, playback.recording);
-  for (const auto& warning : playback.source->take_warnings()) spdlog::warn("{}", warning);
-  const std::optional<tracks::Truth> truth = truth_of(config, command, *playback.source);
+  for (const auto& warning : playback.source().take_warnings()) spdlog::warn("{}", warning);
+  const std::optional<tracks::Truth> truth = truth_of(config, command, playback.source());
   pipeline::Session session(config, std::move(playback.sources),
                             {.threads = command.threads,
                              .pictures_every = command.pictures.empty() ? 0 : command.pictures_every,
                              .repeats = changes_to_repeat(config, playback.recording)});
   if (command.hold)
     playback.played->hold_beyond(
-        first_whole_set(*playback.source, capture::duration_of(*session.config().set_tolerance_s)));
+        first_whole_set(playback.source(), capture::duration_of(*session.config().set_tolerance_s)));
 
   // The outputs, in order.
   std::optional<pipeline::Bus> bus;
@@ -377,7 +337,7 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   if (!command.pictures.empty()) session.add(pictures.emplace(config, command.pictures));
   Tally tally(config, truth ? &*truth : nullptr);
   session.add(tally);
-  ReplayProgress progress(command.progress, session, *playback.source);
+  ReplayProgress progress(command.progress, session, playback, command.loops);
   session.add(progress);
   std::optional<ReloadRefusal> refusal;
   if (!bus && command.reload != nullptr) session.add(refusal.emplace(*command.reload));
@@ -388,21 +348,22 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
 
   if (bus && command.wait_for_subscriber_s > 0) wait_for_subscribers(bus->publisher(), command, stop);
   const auto began = Clock::now();
-  begin_time(session, playback, command, began);
+  begin_time(session, playback, command);
   tally.begin(began);
   progress.begin(began);
   has_begun = true;
   session.run(stop);
   session.save_camera_map();
 
-  for (const auto& warning : playback.source->take_warnings()) spdlog::warn("{}", warning);
+  for (const auto& warning : playback.source().take_warnings()) spdlog::warn("{}", warning);
   ReplaySummary summary =
-      summary_of(session.config(), command, session.figures(), *playback.source, tally, began, stop.stop_requested());
+      summary_of(session.config(), command, session.figures(), playback, tally, began, stop.stop_requested());
   if (playback.played != nullptr) summary.held_s = capture::seconds(playback.played->paused());
   summary.wall_s -= summary.held_s;
   summary.mistakes = reports.mistakes.summary();
-  std::ranges::copy(playback.source->mistakes(), std::back_inserter(summary.mistakes));
-  if (const std::string turned = turned_text(*playback.source); reports.mistakes.has_explained_rig() && !turned.empty())
+  std::ranges::copy(playback.source().mistakes(), std::back_inserter(summary.mistakes));
+  if (const std::string turned = turned_text(playback.source());
+      reports.mistakes.has_explained_rig() && !turned.empty())
     summary.mistakes.push_back(turned);
   const std::string unit_mistake = config::unit_mistake(config);
   if (!unit_mistake.empty()) summary.mistakes.push_back(unit_mistake);

@@ -15,11 +15,6 @@
 
 namespace huetrack::daemon {
 
-enum class ReplaySpeed : std::uint8_t {
-  real,  // at the pace of the capture times
-  max,   // as fast as possible
-};
-
 // Published capture times. Those in the CSV are always the recording's clock.
 enum class ReplayStamps : std::uint8_t {
   now,        // as if the first frame were captured at the start of the replay
@@ -29,8 +24,9 @@ enum class ReplayStamps : std::uint8_t {
 struct ReplayCommand {
   std::filesystem::path config;
   std::vector<std::string> recording;  // recording.yaml, or its folder, or a CAMERA=FILE for each camera
-  ReplaySpeed speed = ReplaySpeed::max;
-  std::optional<ReplayStamps> stamps;  // nullopt: now at speed real, recording at speed max
+  double speed = 0;                    // times the recorded one; 0: as fast as possible
+  bool loops = false;                  // again and again, until a stop; capture times go on rising
+  std::optional<ReplayStamps> stamps;  // nullopt: now if a speed is given, else recording
   bool no_dds = false;                 // overrides the configuration
   double wait_for_subscriber_s = 0;    // longest wait before the first frame; only with DDS
   int subscribers = 1;                 // number to wait for

@@ -10,13 +10,12 @@
 #include <numbers>
 #include <optional>
 #include <stdexcept>
-#include <thread>
 
 #include "calib/files/output_file.h"
 #include "calib/files/text_file.h"
 #include "config/service_config.h"
+#include "daemon/page_process.h"
 #include "doctor/camera_exam.h"
-#include "page/child_process.h"
 
 namespace huetrack::daemon {
 namespace {
@@ -33,25 +32,6 @@ constexpr double bytes_per_mb = 1e6;  // unit of record.pre_roll_mb
 double memory_of_this_host() {
   return double(::sysconf(_SC_PHYS_PAGES)) * double(::sysconf(_SC_PAGESIZE));
 }
-
-// Runs the page while this exists, and prints its output: first its address.
-class PageProcess {
- public:
-  explicit PageProcess(const fs::path& program)
-      : child_(program, {"view"}), thread_([this](const std::stop_token& stop) {
-          while (!stop.stop_requested()) {
-            const auto ended = child_.ended();
-            for (const std::string& line : child_.take_lines()) fmt::print("{}\n", line);
-            std::fflush(stdout);
-            if (ended) return;
-            std::this_thread::sleep_for(50ms);
-          }
-        }) {}
-
- private:
-  page::ChildProcess child_;
-  std::jthread thread_;  // last: joined first
-};
 
 // Returns the rig's file name.
 std::string write_rig_of_one(const fs::path& config, const SetUpCamera& camera, double fov_deg) {
@@ -77,7 +57,8 @@ void write_first_configuration(const SetUpCommand& command, const std::stop_toke
   if (cameras.empty())
     throw std::runtime_error(
         fmt::format("{} was not written: no camera can be used here. Run huetrackd doctor to examine them; add network "
-                    "cameras manually (service/daemon/live.md)",
+                    "cameras manually (service/daemon/live.md). Without a camera, huetrackd demo shows the page on a "
+                    "recording",
                     file.string()));
   const std::string rig = cameras.size() == 1 ? write_rig_of_one(file, cameras.front(), command.fov_deg) : "";
   files::write_whole_file(file, first_configuration(cameras, memory_of_this_host(), rig));
@@ -214,12 +195,7 @@ void set_up(const SetUpCommand& command, LiveRequests& requests, const std::stop
     fmt::print("next: huetrackd run {}, and in a second terminal: huetrack view\n", command.config.string());
     return;
   }
-  constexpr const char* pages = "huetrack";
-  std::optional<PageProcess> page;
-  if (const auto program = page::find_program(pages))
-    page.emplace(*program);
-  else
-    fmt::print("{} was not found next to huetrackd or on the PATH: continuing without the page\n", pages);
+  const auto page = start_page({});
   std::fflush(stdout);
   run(command.config, {}, requests, stop);
 }

@@ -242,6 +242,7 @@ class Doctor {
     }
     std::printf("%d problem%s, %d warning%s%s\n", problems_, problems_ == 1 ? "" : "s", warnings_,
                 warnings_ == 1 ? "" : "s", not_examined(busy_, examined_).c_str());
+    if (has_none_) std::printf("to try huetrackd without a camera: huetrackd demo\n");
     return problems_;
   }
 
@@ -421,8 +422,10 @@ class Doctor {
                             });
     if (exams.empty() && !wants_none) {
       title("cameras");
-      say({config_ && config_->cameras.empty() ? Grade::note : Grade::warning, "no camera is plugged in",
-           "lsusb lists USB devices; dmesg explains why a camera has no /dev/video"});
+      // Missing devices of a configuration are problems of their own; one without cameras is for replay.
+      const Grade grade = !options_.config ? Grade::problem : has_cameras ? Grade::warning : Grade::note;
+      say({grade, "no camera is plugged in", "lsusb lists USB devices; dmesg explains why a camera has no /dev/video"});
+      has_none_ = true;
     }
     title("USB");
     say(judge_usb(exams, bus_speeds(exams)));
@@ -523,6 +526,7 @@ class Doctor {
   std::map<std::string, std::string> unstable_;  // by camera
   int problems_ = 0, warnings_ = 0;
   int examined_ = 0, busy_ = 0;  // cameras
+  bool has_none_ = false;        // no camera is plugged in, and one is needed
 };
 
 }  // namespace

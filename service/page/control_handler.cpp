@@ -118,6 +118,16 @@ std::string sentence(std::string text) {
   return text;
 }
 
+// throws std::runtime_error
+void seek(Playback& playback, double position_s) {
+  const PlaybackState state = playback.state();
+  if (!state.why_no_seek.empty()) throw std::runtime_error(state.why_no_seek);
+  if (position_s < 0 || (state.length_s && position_s > *state.length_s))
+    throw std::runtime_error(fmt::format("write a position of 0 to {} s, from the recording's first frame",
+                                         state.length_s ? fmt::format("{:.3f}", *state.length_s) : "its length"));
+  playback.seek(position_s);
+}
+
 void refuse(msg::ControlReply& reply, std::string why) {
   reply.granted(false);
   reply.rows().clear();
@@ -323,6 +333,8 @@ void ControlHandler::replay(Words words, const config::ServiceConfig& config, ms
     if (words[1] != "max" && !(speed >= slowest && speed <= fastest))
       throw std::runtime_error(fmt::format("write a speed of {} to {}, or max", slowest, fastest));
     playback.set_speed(speed);
+  } else if (words.size() == 2 && words[0] == "seek") {
+    seek(playback, real_of(words[1]));
   } else if (!are(words, {"state"})) {
     throw unknown_request();
   }
@@ -331,6 +343,9 @@ void ControlHandler::replay(Words words, const config::ServiceConfig& config, ms
   add_row(reply, {"speed", state.speed > 0 ? fmt::format("{:g}", state.speed) : "max"});
   add_row(reply, {"closes", actions_.close ? "true" : "false"});
   add_row(reply, {"position_s", fmt::format("{:.3f}", state.position_s)});
+  add_row(reply, {"length_s", state.length_s ? fmt::format("{:.3f}", *state.length_s) : ""});
+  add_row(reply, {"loops", state.loops ? "true" : "false"});
+  add_row(reply, {"seeks", state.why_no_seek.empty() ? "true" : "false"});
   reply.reason(fmt::format("{} at {:.3f} s.", state.is_paused ? "Paused" : "Playing", state.position_s));
 }
 

@@ -248,7 +248,7 @@ void Pipeline::capture(capture::FrameSource& source, std::stop_token stop) {
       const std::scoped_lock lock(figures_mutex_);
       figures_.decode += lap;
       for (std::size_t c = 0; c < mine.size(); ++c)
-        if (mine[c] && source.ended(int(c))) set_ended(c);
+        if (mine[c]) set_ended(c, source.ended(int(c)));  // a recording may be rewound
     }
     if (!frame) break;
     mine.at(std::size_t(frame->camera)) = true;
@@ -259,11 +259,11 @@ void Pipeline::capture(capture::FrameSource& source, std::stop_token stop) {
   }
   const std::scoped_lock lock(figures_mutex_);
   for (std::size_t c = 0; c < mine.size(); ++c)
-    if (mine[c]) set_ended(c);
+    if (mine[c]) set_ended(c, true);
 }
 
-void Pipeline::set_ended(std::size_t camera) {
-  if (!std::exchange(figures_.cameras[camera].ended, true)) ++camera_news_;
+void Pipeline::set_ended(std::size_t camera, bool has_ended) {
+  if (std::exchange(figures_.cameras[camera].ended, has_ended) != has_ended) ++camera_news_;
 }
 
 void Pipeline::receive(capture::Frame frame) {

@@ -122,8 +122,8 @@ class Pipeline {
   bool is_picture(std::uint64_t index) const;
   void output_status();
   void update_searches();
-  void set_ended(std::size_t camera);             // figures_mutex_ is held
-  bool take_replacements(capture::Timestamp at);  // returns whether there were any
+  void set_ended(std::size_t camera, bool has_ended);  // figures_mutex_ is held
+  bool take_replacements(capture::Timestamp at);       // returns whether there were any
   void watch(const capture::FrameSet& set, bool has_new_trackers);
   void trust_cameras();
   void watch_mistakes(const capture::FrameSet& set, std::span<const object_tracking::ObjectEstimate> estimates);

@@ -1,8 +1,8 @@
 // Converts capture time to published time.
 #pragma once
 
-#include <atomic>
-#include <cstdint>
+#include <functional>
+#include <utility>
 
 #include "capture/frames/frame.h"
 
@@ -12,18 +12,25 @@ namespace huetrack::pipeline {
 // else: any thread.
 class PublishedTime {
  public:
-  // held_ns: added to the offset; may grow while the replay is held; nullptr: none.
-  void begin(capture::Duration offset, const std::atomic<std::int64_t>* held_ns = nullptr) {
+  // By a frame's capture time: what is added to the offset for it, because the replay was paused or not played at its
+  // real speed. thread-safe.
+  using Lag = std::function<capture::Duration(capture::Timestamp captured)>;
+
+  void begin(capture::Duration offset, Lag lag = nullptr) {
     offset_ = offset;
-    held_ns_ = held_ns;
+    lag_ = std::move(lag);
   }
-  // Published capture time minus the source's clock.
-  capture::Duration offset() const { return offset_ + capture::Duration(held_ns_ != nullptr ? held_ns_->load() : 0); }
-  capture::Timestamp of(capture::Timestamp captured) const { return captured + offset(); }
+  // Published capture time minus the source's clock, for the newest frame.
+  capture::Duration offset() const { return offset_at(capture::Timestamp::max()); }
+  capture::Timestamp of(capture::Timestamp captured) const { return captured + offset_at(captured); }
 
  private:
+  capture::Duration offset_at(capture::Timestamp captured) const {
+    return offset_ + (lag_ ? lag_(captured) : capture::Duration{0});
+  }
+
   capture::Duration offset_{0};
-  const std::atomic<std::int64_t>* held_ns_ = nullptr;
+  Lag lag_;
 };
 
 }  // namespace huetrack::pipeline

@@ -21,6 +21,7 @@ class TwoCameras final : public capture::FrameSource {
     if (next_ == 200) return std::nullopt;
     capture::Frame frame;
     frame.camera = next_ % 2;
+    frame.sequence = std::uint32_t(next_ / 2);
     frame.captured_at = capture::Timestamp(100s + (next_ / 2) * 20ms + (next_ % 2) * later_);
     ++next_;
     return frame;
@@ -36,13 +37,18 @@ class Played : public Test {
  protected:
   void play(const PlayedSourceOptions& options, std::optional<capture::Timestamp> held_beyond = {},
             capture::Duration later = 3ms) {
-    source.emplace(std::make_unique<TwoCameras>(later), options);
+    const auto open = [later](capture::Timestamp) { return std::make_unique<TwoCameras>(later); };
+    source.emplace(std::make_unique<LoopingSource>(
+                       open({}), capture::Timestamp(100s),
+                       LoopingSourceOptions{.cameras = 2, .loops = options.loops, .step = 20ms, .open = open}),
+                   options);
     if (held_beyond) source->hold_beyond(*held_beyond);
     reader = std::jthread([this](const std::stop_token& stop) {
       while (const auto frame = source->next(stop)) {
         if (stop.stop_requested()) return;
         const std::scoped_lock lock(mutex);
         times.push_back(frame->captured_at);
+        numbers.push_back(frame->sequence);
       }
       has_ended = true;
     });
@@ -66,7 +72,8 @@ class Played : public Test {
   }
   std::optional<PlayedSource> source;
   std::mutex mutex;
-  std::vector<capture::Timestamp> times;  // guarded by mutex
+  std::vector<capture::Timestamp> times;  // guarded by mutex, as the following
+  std::vector<std::uint32_t> numbers;
   std::atomic<bool> has_ended = false;
   std::jthread reader;
 };
@@ -87,7 +94,7 @@ TEST_F(Played, IsPausedAndStepped) {
   ASSERT_TRUE(comes_to(11));
   EXPECT_TRUE(stays_at(11));
   // As long as it was held, what is published is later.
-  EXPECT_GT(source->lag_ns().load(), 100'000'000);
+  EXPECT_GT(source->lag(), 100ms);
   source->go_on();
   ASSERT_TRUE(comes_to(200));
   EXPECT_TRUE(std::ranges::is_sorted(times));
@@ -103,7 +110,7 @@ TEST_F(Played, IsPacedPausedAndSpedUp) {
   play({.cameras = 2, .speed = 1});
   ASSERT_TRUE(comes_to(20));  // 183 ms
   EXPECT_GT(PlayClock::now() - began, 150ms);
-  EXPECT_EQ(source->lag_ns().load(), 0);
+  EXPECT_EQ(source->lag(), 0ns);
   source->pause();
   std::this_thread::sleep_for(50ms);
   const std::size_t paused_at = count();
@@ -113,13 +120,14 @@ TEST_F(Played, IsPacedPausedAndSpedUp) {
   source->go_on();
   std::this_thread::sleep_for(210ms);
   EXPECT_LT(count(), paused_at + 10);  // two frames of each, and some
-  EXPECT_GT(source->lag_ns().load(), 100'000'000);
-  const std::int64_t lag = source->lag_ns();
+  EXPECT_GT(source->lag(), 100ms);
+  const capture::Duration lag = source->lag();
   source->set_speed(0);
   const auto hurried = PlayClock::now();
   ASSERT_TRUE(comes_to(200));
-  EXPECT_LT(PlayClock::now() - hurried, 1s);                         // of two seconds
-  EXPECT_NEAR(double(source->lag_ns().load()), double(lag), 100e6);  // as fast as possible, times are the recording's
+  EXPECT_LT(PlayClock::now() - hurried, 1s);  // of two seconds
+  EXPECT_NEAR(capture::seconds(source->lag()), capture::seconds(lag),
+              0.1);  // as fast as possible, times are the recording's
   EXPECT_TRUE(std::ranges::is_sorted(times));
 }
 
@@ -151,6 +159,66 @@ TEST_F(Played, EndsWhilePaused) {
   reader.request_stop();
   reader.join();
   EXPECT_LT(PlayClock::now() - asked, 1s);
+}
+
+TEST_F(Played, LoopsWithRisingTimesAndNumbers) {
+  play({.cameras = 2, .loops = true});
+  ASSERT_TRUE(comes_to(500));
+  EXPECT_FALSE(has_ended);
+  const std::scoped_lock lock(mutex);
+  // The second camera's last frame is at 1.983 s; a step of 20 ms later the first one's first comes again.
+  EXPECT_EQ(times[200] - times[199], 20ms);
+  EXPECT_EQ(times[202] - times[200], 20ms);
+  EXPECT_TRUE(std::ranges::is_sorted(times));
+  for (std::size_t i = 0; i < 500; ++i) ASSERT_EQ(numbers[i], i / 2) << "a gap would count as lost frames";
+}
+
+// Frames are tracked some time after their release; published times must not go back by the speed-up meanwhile.
+TEST_F(Played, RemembersTheLagOfEachFrame) {
+  play({.cameras = 2, .speed = 10});
+  ASSERT_TRUE(comes_to(100));
+  const std::scoped_lock lock(mutex);
+  for (std::size_t i = 2; i < 100; ++i) {
+    const capture::Duration published =
+        times[i] - times[i - 2] + source->lag_at(times[i]) - source->lag_at(times[i - 2]);
+    EXPECT_NEAR(capture::seconds(published), 0.002, 1e-6) << i;
+  }
+}
+
+TEST_F(Played, JumpsToAPositionWhilePlaying) {
+  play({.cameras = 2, .speed = 1, .length_s = 1.98});
+  ASSERT_TRUE(comes_to(4));
+  source->seek(1.5);
+  for (const auto end = PlayClock::now() + 5s; PlayClock::now() < end && source->state().position_s < 1.5;)
+    std::this_thread::sleep_for(1ms);
+  EXPECT_NEAR(source->state().position_s, 1.5, 0.1);
+  source->seek(0);
+  for (const auto end = PlayClock::now() + 5s; PlayClock::now() < end && source->state().position_s > 1;)
+    std::this_thread::sleep_for(1ms);
+  EXPECT_NEAR(source->state().position_s, 0, 0.1);
+  source->set_speed(0);
+  while (!has_ended) std::this_thread::sleep_for(1ms);
+  EXPECT_NEAR(source->state().position_s, 1.983, 1e-9);
+  EXPECT_TRUE(std::ranges::is_sorted(times));
+}
+
+TEST_F(Played, ShowsTheSetOfAPositionWhilePaused) {
+  play({.cameras = 2, .set_span = 5ms}, first_set_until);
+  ASSERT_TRUE(comes_to(3));
+  EXPECT_TRUE(stays_at(3));
+  source->seek(1);
+  ASSERT_TRUE(comes_to(6));  // the frames of both at 1 s, and one that shows that their set is whole
+  EXPECT_TRUE(stays_at(6));
+  EXPECT_NEAR(source->state().position_s, 1.02, 1e-9);
+  EXPECT_GT(source->lag(), 20ms) << "published times go on with the clock";
+  EXPECT_TRUE(source->state().is_paused);
+  source->go_on();
+  while (!has_ended) std::this_thread::sleep_for(1ms);
+  EXPECT_EQ(times.size(), 3u + 100u);
+}
+
+TEST(Looping, ASourceWithoutAStepIsRefused) {
+  EXPECT_THROW(LoopingSource(nullptr, {}, LoopingSourceOptions{}), std::invalid_argument);
 }
 
 }  // namespace

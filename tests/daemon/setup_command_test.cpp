@@ -133,7 +133,8 @@ TEST_F(SetUp, WithoutTwoCamerasNothingIsWritten) {
     set_up({.config = file, .with_page = true}, requests, {});
     FAIL() << "it was set up";
   } catch (const std::runtime_error& error) {
-    EXPECT_THAT(error.what(), AllOf(HasSubstr("my.yaml was not written"), HasSubstr("no camera can be used")));
+    EXPECT_THAT(error.what(), AllOf(HasSubstr("my.yaml was not written"), HasSubstr("no camera can be used"),
+                                    HasSubstr("huetrackd demo")));
   }
   EXPECT_FALSE(fs::exists(file));
 }

@@ -18,6 +18,7 @@ namespace {
 
 using testing::AllOf;
 using testing::Contains;
+using testing::EndsWith;
 using testing::Field;
 using testing::HasSubstr;
 using testing::IsEmpty;
@@ -200,6 +201,16 @@ TEST_F(DoctorsConfig, ACameraOfTheNetworkIsAskedAndNoneNeedsToBePluggedIn) {
   EXPECT_THAT(text, Not(HasSubstr("plugged in")));
   EXPECT_THAT(text, HasSubstr("2 problems"));
   EXPECT_THAT(said_of("http://127.0.0.1:1/a", "http://127.0.0.1:1/b"), HasSubstr("network camera, not tested"));
+}
+
+TEST(DoctorWithoutCameras, IsAProblemAndNamesTheDemo) {
+  if (!capture::list_v4l2_nodes().empty()) GTEST_SKIP() << "this host has cameras";
+  testing::internal::CaptureStdout();
+  DoctorOptions options;
+  options.streams = false;
+  EXPECT_GE(doctor(options, {}), 1);
+  const std::string text = testing::internal::GetCapturedStdout();
+  EXPECT_THAT(text, AllOf(HasSubstr("FAIL  no camera is plugged in"), EndsWith("huetrackd demo\n")));
 }
 
 TEST(TryNetworkCamera, TakesPicturesForAsLongAsIsAsked) {

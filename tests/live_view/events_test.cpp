@@ -101,6 +101,10 @@ TEST(Events, ParsesWordsStrictlyAndRepliesInRows) {
       control_request_of(R"({"client":"c","number":3,"host":"h","pid":7,"words":["record","start"]})");
   EXPECT_EQ(request.pid(), 7u);
   EXPECT_THAT(request.words(), testing::ElementsAre("record", "start"));
+  const msg::ControlRequest unaddressed = control_request_of(R"({"client":"c","number":3,"words":["replay","state"]})");
+  EXPECT_EQ(unaddressed.host(), "");
+  EXPECT_EQ(unaddressed.pid(), 0u);
+  EXPECT_THROW(control_request_of(R"({"client":"c","number":3,"pid":7,"words":[]})"), std::invalid_argument);
   const auto with = [](const std::string& words) {
     return R"({"client":"c","number":1,"host":"h","pid":1,"words":)" + words + "}";
   };
@@ -113,7 +117,7 @@ TEST(Events, ParsesWordsStrictlyAndRepliesInRows) {
                                         return more;
                                       }() +
                                       "]"),
-                                 std::string(R"({"client":"c","number":-1,"words":[]})")})
+                                 std::string(R"({"client":"c","number":1,"host":"h","words":[]})")})
     EXPECT_THROW(control_request_of(bad), std::invalid_argument) << bad;
 
   msg::ControlReply reply;

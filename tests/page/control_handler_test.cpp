@@ -33,7 +33,9 @@ class Control : public Test {
   Control() {
     fs::create_directories(folder);
     config = config::load_service_config(fs::path(HUETRACK_SOURCE_DIR) / "configs/demo/huetrackd.yaml");
+    config.control = {};
     config.control.allow_record = true;
+    config.record = {};
     config.record.folder = folder;
   }
   ~Control() override { fs::remove_all(folder); }
@@ -444,6 +446,7 @@ class FakePlayback final : public Playback {
   void go_on() override { now.is_paused = false; }
   void step(int sets) override { now.position_s += sets; }
   void set_speed(double speed) override { now.speed = speed; }
+  void seek(double position_s) override { now.position_s = position_s; }
   PlaybackState now{.speed = 1};
 };
 
@@ -473,6 +476,23 @@ TEST_F(Control, ARecordingIsOpenedInsteadOfTheCameras) {
   EXPECT_EQ(opened, folder / name);
   config.control.allow_record = false;
   EXPECT_THAT(told({"replay", "open", name}).reason(), HasSubstr("allow_record"));
+}
+
+TEST_F(Control, AReplayJumpsWithinItsLengthUnlessItWritesTimes) {
+  config.control.allow_teach = true;
+  FakePlayback playback;
+  playback.now.length_s = 5;
+  const auto told = [&](const std::string& to) {
+    return ControlHandler({.playback = &playback}).answer(asked({"replay", "seek", to}), config);
+  };
+  EXPECT_EQ(told("2.5").rows().at(3).columns().at(1), "2.500");
+  EXPECT_EQ(told("5").rows().at(4).columns().at(1), "5.000");
+  EXPECT_EQ(told("0").rows().at(6).columns().at(1), "true");
+  for (const std::string bad : {"-1", "5.1", "nan", "x", ""}) EXPECT_FALSE(told(bad).granted()) << bad;
+  EXPECT_THAT(told("77").reason(), HasSubstr("0 to 5.000 s"));
+  playback.now.why_no_seek = "it writes a file";
+  EXPECT_EQ(told("1").reason(), "It writes a file.");
+  EXPECT_EQ(playback.now.position_s, 0);
 }
 
 TEST_F(Control, AReplayIsPausedSteppedAndSpedUp) {

@@ -1,0 +1,40 @@
+#include "daemon/page_process.h"
+
+#include <fmt/format.h>
+
+#include <chrono>
+#include <cstdio>
+#include <utility>
+
+namespace huetrack::daemon {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr const char* program_name = "huetrack";
+
+std::vector<std::string> view_words(std::vector<std::string> options) {
+  options.insert(options.begin(), "view");
+  return options;
+}
+
+}  // namespace
+
+PageProcess::PageProcess(const std::filesystem::path& program, std::vector<std::string> options)
+    : child_(program, view_words(std::move(options))), thread_([this](const std::stop_token& stop) {
+        while (!stop.stop_requested()) {
+          const auto ended = child_.ended();
+          for (const std::string& line : child_.take_lines()) fmt::print("{}\n", line);
+          std::fflush(stdout);
+          if (ended) return;
+          std::this_thread::sleep_for(50ms);
+        }
+      }) {}
+
+std::unique_ptr<PageProcess> start_page(const std::vector<std::string>& options) {
+  if (const auto program = page::find_program(program_name)) return std::make_unique<PageProcess>(*program, options);
+  fmt::print("{} was not found next to huetrackd or on the PATH: continuing without the page\n", program_name);
+  return nullptr;
+}
+
+}  // namespace huetrack::daemon
