@@ -139,13 +139,19 @@ export async function lookedThrough(page) {
   await sleep(200);
 }
 
-// The page as it is, looked at in each of these windows: nothing misfits, and a picture of it is left in --out.
+// The page as it is, looked at in each of these windows: nothing misfits, nothing that is needed is below the fold, and a picture of
+// it is left in --out.
 export async function lookAt(page, name) {
   const usual = page.viewportSize();
   for (const [window, [width, height]] of Object.entries(windows)) {
     await page.setViewportSize({ width, height });
     await lookedThrough(page);
     assert.deepEqual(await misfits(page), [], `${name} in a window of ${width} x ${height}`);
+    // What is needed to teach, to calibrate, and to read a position, as far as it is shown now.
+    const needed = [];
+    for (const part of ["#tools button", "#cameras canvas", "#targets .position", "#targets .state", ".tool-foot button"])
+      if (await page.locator(`${part}:visible`).count()) needed.push(part);
+    assert.deepEqual(await belowTheFold(page, needed), [], `${name} in a window of ${width} x ${height}`);
     await page.screenshot({ path: join(options.out, `${name}_${window}.png`), fullPage: true });
   }
   await page.setViewportSize(usual);

@@ -149,7 +149,13 @@ async function shapes(address) {
     await page.screenshot({ path: join(options.out, `look_${name}.png`), fullPage: true });
 
     // Large: a click, the wheel and a drag, and Esc.
-    const before = await circle(page, "cam0");
+    // The dock takes its height with the plots' first texts.
+    let before = await circle(page, "cam0");
+    await until(`${name}: the layout stands`, async () => {
+      const was = before.wide;
+      await sleep(1500);
+      return Math.abs((before = await circle(page, "cam0")).wide - was) < 1;
+    });
     const canvas = page.locator("#cameras canvas").first();
     await page.mouse.move(10, 10);
     await canvas.click({ position: { x: 20, y: 20 } });

@@ -166,7 +166,9 @@ async function test() {
   await until("second is tracked", async () => (await state("second")) === "tracking");
   await page.fill("#adjust-name", "wand");
   await page.click("#adjust-rename");
-  await until("it has another name", async () => /^Renamed: second is wand now/.test(await says()));
+  await until("it has another name", async () => /^Renamed: second is wand now/.test(await says())).catch(async (error) => {
+    throw new Error(`${await says()}; ${await page.textContent("#adjust-names .hint")}`, { cause: error });
+  });
   await until("wand is tracked", async () => (await state("wand")) === "tracking");
   await until("three may be undone", async () => (await page.textContent("#adjust-undo")) === "Undo (3)");
   const checked = start(options.huetrackd, "check", config);
@@ -228,7 +230,7 @@ async function test() {
   const again = start(options.huetrackd, "replay", config, join(folder, name), "--speed", "real", "--hold", "--quiet");
   await until("the replay is shown", () => page.isVisible("#replay"));
   await until("it is held", async () => (await page.textContent("#replay-pause")) === "Go on");
-  const at = async () => Number((await page.textContent("#replay-at")).match(/at ([\d.]+) s/)?.[1] ?? NaN);
+  const at = async () => Number((await page.textContent("#replay-at")).match(/at ([\d.]+)(?: of [\d.]+)? s/)?.[1] ?? NaN);
   const before = await at();
   assert.ok(before < 0.1, `held at ${before}`); // when each camera has shown something
   await page.click("#replay-step");

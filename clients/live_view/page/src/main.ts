@@ -209,7 +209,11 @@ const radiusOf = (name: string) => {
 function issuesOf(latest: Position, sigma: number): Issue[] {
   const issues: Issue[] = [];
   if (latest.state !== "tracking") issues.push({ figure: "state", level: latest.state === "lost" ? "bad" : "warn", why: `${latest.state}: ${stateText[latest.state]}` });
-  if (Math.abs(latest.latency) < otherClock && latest.latency > lateLatency)
+  const isLate = Math.abs(latest.latency) < otherClock && latest.latency > lateLatency;
+  // A replay that is slowed or was paused falls behind its times, and nothing is wrong.
+  if (isLate && store.status?.mode !== "run")
+    issues.push({ figure: "latency", level: "warn", why: `the replay is ${latest.latency.toFixed(2)} s behind its own times: it was paused, is slowed, or the machine is busy` });
+  else if (isLate)
     issues.push({
       figure: "latency",
       level: latest.latency > uselessLatency ? "bad" : "warn",
