@@ -46,7 +46,8 @@ function cameras(): Step {
   return {
     title: "Cameras",
     isDone: false,
-    says: bad.map((c) => `${c.name} is ${c.health}${c.message ? `: ${c.message}` : ""}.`).join(" ") + " Check its cable, and that no other program uses it.",
+    says: bad.map((c) => `${c.name} is ${c.health}${c.message ? `: ${c.message}` : ""}.`).join(" ") +
+      (bad.every((c) => hasControls(c.name)) ? " Check its cable, and that no other program uses it." : " Check that it is on, and its cable or address."),
     button: ["Health…", () => show("health")],
   };
 }
