@@ -9,11 +9,13 @@
 HUETRACK_EMBED(huetrack_page_index_html, "index.html")
 HUETRACK_EMBED(huetrack_page_css, "page.css")
 HUETRACK_EMBED(huetrack_page_js, "page.js")
+HUETRACK_EMBED(huetrack_page_help, "help.html")
 
 extern "C" {
 extern const char huetrack_page_index_html[], huetrack_page_index_html_end[];
 extern const char huetrack_page_css[], huetrack_page_css_end[];
 extern const char huetrack_page_js[], huetrack_page_js_end[];
+extern const char huetrack_page_help[], huetrack_page_help_end[];
 }
 
 namespace huetrack::live_view {
@@ -26,6 +28,7 @@ std::optional<PageFile> page_file(std::string_view path) {
     return PageFile{{huetrack_page_index_html, huetrack_page_index_html_end}, "text/html; charset=utf-8"};
   if (path == "/page.css") return PageFile{{huetrack_page_css, huetrack_page_css_end}, "text/css; charset=utf-8"};
   if (path == "/page.js") return PageFile{{huetrack_page_js, huetrack_page_js_end}, "text/javascript; charset=utf-8"};
+  if (path == "/help.html") return PageFile{{huetrack_page_help, huetrack_page_help_end}, "text/html; charset=utf-8"};
   return std::nullopt;
 }
 

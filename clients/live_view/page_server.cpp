@@ -45,7 +45,7 @@ constexpr std::size_t most_bodies = 2 << 20;  // bytes, of all requests that com
 constexpr auto look_round_period = std::chrono::milliseconds(250);
 constexpr int many_connections = 100;
 
-constexpr std::string_view download_path = "/api/recordings/", download_kind = ".tar";
+constexpr std::string_view download_path = "/api/recordings/", download_kind = ".tar", picture_kind = ".jpg";
 constexpr std::string_view report_path = "/api/calibration.html", board_path = "/api/board.pdf";
 constexpr std::size_t download_block = 64 * 1024;
 
@@ -482,6 +482,18 @@ struct PageServer::Impl {
     });
   }
 
+  // A picture of the recording, for the page's list.
+  MHD_Result show_picture(MHD_Connection* connection, std::string_view path, Request& request) {
+    path.remove_prefix(download_path.size());
+    path.remove_suffix(picture_kind.size());
+    const std::string name(path);
+    if (!idl::is_recording_name(name)) return refuse(connection, MHD_HTTP_NOT_FOUND, "That is no recording's name.");
+    return download(connection, request, RecordingDownload::picture_words(name), [](MHD_Response* response) {
+      add_safety(response, "sandbox; default-src 'none'");
+      MHD_add_response_header(response, "Content-Type", "image/jpeg");
+    });
+  }
+
   // The report comes from the bus and is not trusted: sandboxed.
   MHD_Result show_report(MHD_Connection* connection, Request& request) {
     return download(connection, request, RecordingDownload::report_words(), [](MHD_Response* response) {
@@ -549,9 +561,12 @@ struct PageServer::Impl {
       return refuse(connection, MHD_HTTP_FORBIDDEN,
                     "A token is needed: open the address that `huetrack view` printed.");
     if (path == "/api/events") return stream(connection);
-    if (path.starts_with(download_path) && path.ends_with(download_kind) &&
-        path.size() > download_path.size() + download_kind.size())
-      return download_recording(connection, path, request);
+    const auto is_recording_as = [&](std::string_view kind) {
+      return path.size() > download_path.size() + kind.size() && path.starts_with(download_path) &&
+             path.ends_with(kind);
+    };
+    if (is_recording_as(download_kind)) return download_recording(connection, path, request);
+    if (is_recording_as(picture_kind)) return show_picture(connection, path, request);
     if (path == report_path) return show_report(connection, request);
     if (path == board_path) return show_board(connection, request);
     if (path == "/api/v1/positions") return stream_or_socket(connection, "position");

@@ -1,5 +1,5 @@
-// The download of a recording, a calibration report, or a board to print from a service. Pieces are requested as fast
-// as they are read; at most two are in memory.
+// The download of a recording or its picture, a calibration report, or a board to print from a service. Pieces are
+// requested as fast as they are read; at most two are in memory.
 #pragma once
 
 #include <chrono>
@@ -19,11 +19,12 @@ namespace huetrack::live_view {
 class RecordingDownload {
  public:
   using Clock = std::chrono::steady_clock;
-  // words: the request of a piece without its offset: recording_words(), report_words() or print_words().
-  // client: unique name of the requester.
+  // words: the request of a piece without its offset: recording_words(), picture_words(), report_words() or
+  // print_words(). client: unique name of the requester.
   RecordingDownload(std::vector<std::string> words, std::string client, std::string host, std::uint32_t pid);
 
   static std::vector<std::string> recording_words(const std::string& name) { return {"record", "read", name}; }
+  static std::vector<std::string> picture_words(const std::string& name) { return {"record", "picture", name}; }
   static std::vector<std::string> report_words() { return {"calibrate", "report"}; }
   // board: as `calibrate print` takes them (idl/README.md), "type=charuco".
   static std::vector<std::string> print_words(const std::vector<std::string>& board);

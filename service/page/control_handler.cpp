@@ -13,7 +13,9 @@
 #include "calib/model/rig_yaml.h"
 #include "config/taught_file.h"
 #include "idl/control_words.h"
+#include "page/config_text.h"
 #include "page/recording_library.h"
+#include "page/recording_picture.h"
 #include "page/request_words.h"
 #include "recordings/recording.h"
 
@@ -137,7 +139,7 @@ void refuse(msg::ControlReply& reply, std::string why) {
 
 bool ControlHandler::is_read(const msg::ControlRequest& request) {
   const auto& words = request.words();
-  return words.size() > 1 && ((words[0] == "record" && words[1] == "read") ||
+  return words.size() > 1 && ((words[0] == "record" && (words[1] == "read" || words[1] == "picture")) ||
                               (words[0] == "calibrate" && (words[1] == "report" || words[1] == "print")));
 }
 
@@ -161,6 +163,8 @@ msg::ControlReply ControlHandler::answer(const msg::ControlRequest& request,
       replay(words.subspan(1), config, reply);
     } else if (words[0] == "camera") {
       camera(words.subspan(1), config, reply);
+    } else if (are(words, {"config", "show"})) {
+      show_config(config, reply);
     } else if (words.size() == 1 && (words[0] == "undo" || words[0] == "redo" || words[0] == "history")) {
       history(words[0], config, reply);
     } else {
@@ -380,6 +384,8 @@ void ControlHandler::record(Words words, const config::ServiceConfig& config, ms
     remove(words[1], config.record, reply);
   } else if (words.size() == 3 && words[0] == "read") {
     read(words, config.record, reply);
+  } else if (words.size() == 3 && words[0] == "picture") {
+    picture(words, config.record, reply);
   } else {
     throw unknown_request();
   }
@@ -440,6 +446,23 @@ void ControlHandler::read(Words words, const config::RecordConfig& record, msg::
   RecordingPiece piece = RecordingLibrary(record.folder).read(name, whole_number_of(words[2]), piece_bytes);
   add_row(reply, {std::to_string(piece.tar_bytes), piece.identity});
   reply.bytes(std::move(piece.bytes));
+}
+
+// In one piece.
+void ControlHandler::picture(Words words, const config::RecordConfig& record, msg::ControlReply& reply) const {
+  const std::string& name = words[1];
+  require_finished(name);
+  const std::uint64_t from = whole_number_of(words[2]);
+  const std::string identity = RecordingLibrary(record.folder).read(name, 0, 0).identity;  // checks that it exists
+  std::vector<std::uint8_t> jpeg = recording_picture(record.folder / name);
+  add_row(reply, {std::to_string(jpeg.size()), identity});
+  if (from == 0) reply.bytes(std::move(jpeg));
+}
+
+void ControlHandler::show_config(const config::ServiceConfig& config, msg::ControlReply& reply) const {
+  require_teaching(config);
+  for (const ConfigText& one : config_texts(config.file)) add_row(reply, {one.file.filename().string(), one.text});
+  reply.reason(fmt::format("The configuration {}, without passwords.", config.file.string()));
 }
 
 }  // namespace huetrack::page

@@ -42,7 +42,7 @@ class ControlHandler {
   // Call it some times a second: continues long requests.
   void poll() const;
 
-  // "record read", "calibrate report": fast sequences of parts, which may be repeated.
+  // "record read", "record picture", "calibrate report": fast sequences of parts, which may be repeated.
   static bool is_read(const msg::ControlRequest& request);
 
  private:
@@ -60,6 +60,8 @@ class ControlHandler {
   void reply_state(const config::RecordConfig& record, msg::ControlReply& reply) const;
   void list(const config::RecordConfig& record, msg::ControlReply& reply) const;
   void read(Words words, const config::RecordConfig& record, msg::ControlReply& reply) const;
+  void picture(Words words, const config::RecordConfig& record, msg::ControlReply& reply) const;
+  void show_config(const config::ServiceConfig& config, msg::ControlReply& reply) const;
   pipeline::RecordingKeeper& recording() const;  // throws std::runtime_error if there is none
   // The recording whose files are not complete yet; empty: none.
   std::string unfinished() const;

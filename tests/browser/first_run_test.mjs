@@ -9,7 +9,7 @@ import { existsSync, mkdtempSync, readFileSync, readdirSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { dirname, join } from "node:path";
 
-import { lookAt, openPage, options, run, say, sleep, startWith, waiting } from "./harness.mjs";
+import { belowTheFold, closeTool, lookAt, openPage, openTool, options, run, say, sleep, startWith, waiting } from "./harness.mjs";
 
 const domain = "76";
 const folder = mkdtempSync(join(tmpdir(), "huetrack-first-run-"));
@@ -67,7 +67,7 @@ async function test() {
   const picture = (name) => lookAt(page, name);
 
   // ---- Cameras: none is found, and the page shows a file to begin with; then they come.
-  await until("a service is missed", async () => /Cameras.*No huetrackd was found on DDS domain 76/.test(await current()));
+  await until("a service is missed", async () => /Cameras.*No huetrackd was found on DDS domain 76/s.test(await current()));
   assert.match(await page.textContent("#steps-list pre"), /^version: 1\nrig: none[\s\S]*allow_teach: true, allow_record: true/m);
   await picture("1_cameras");
   const service = startWith({ PATH: `${dirname(options.calibrate)}:${process.env.PATH}` }, options.service, config, films,
@@ -79,15 +79,17 @@ async function test() {
   });
   assert.match(await page.textContent("#steps-list"), /cam0, cam1 deliver.*Neither too dark nor too bright/);
   assert.match(await page.textContent("#warnings"), /not calibrated/);
-  assert.equal(await page.isDisabled("#teach-open"), true);
+  assert.equal(await page.textContent("#warnings button"), "Calibrate…");
   await until("both cameras are seen", async () => (await page.locator("#cameras canvas").count()) === 2 && (await page.locator("#cameras .awaited:visible").count()) === 0);
   assert.equal(await page.locator("#targets li").count(), 0, "nothing is tracked before");
   await picture("2_calibration");
 
   // ---- Calibration: a board is carried, the page shows what is still missing, and what came of it.
   const says = () => page.textContent("#calibrate-says");
-  await page.click("#steps-list button");
+  await page.click("#steps-list [data-step=current] button");
   await page.selectOption("#calibrate-type", "chessboard");
+  assert.equal(await page.getAttribute("#calibrate-square_mm", "placeholder"), "25", "what is assumed is shown");
+  assert.deepEqual(await belowTheFold(page, ["#cameras canvas", "#calibrate-start", "#calibrate-type"]), []);
   assert.equal(await page.isVisible("#calibrate-marker_mm"), false, "a chessboard has no markers");
   assert.equal(await page.isDisabled("input[name=calibrate-kind][value=wave]"), true, "no lens is known");
   await page.selectOption("#calibrate-type", "charuco");
@@ -97,9 +99,10 @@ async function test() {
   await page.selectOption("#calibrate-type", "chessboard");
   for (const [id, value] of [["columns", 7], ["rows", 5], ["square_mm", 80]]) await page.fill(`#calibrate-${id}`, String(value));
   await page.click("#calibrate-start");
-  const seen = async () => [...(await page.textContent("#calibrate-pictures")).matchAll(/(\d+) of 15 views/g)].map((m) => Number(m[1]));
+  const seen = async () => [...(await page.textContent("#calibrate-cameras")).matchAll(/(\d+) of 15 views/g)].map((m) => Number(m[1]));
   await until("corners are seen in both", async () => (await seen()).length === 2 && (await seen()).every((n) => n >= 2), 90000);
   assert.ok((await page.locator("#calibrate-needs li").count()) > 0, "something is missing yet");
+  assert.deepEqual(await belowTheFold(page, ["#cameras canvas", "#calibrate-stop", "#calibrate-needs li:first-child"]), []);
   await picture("3_coverage");
   await until("it was in most places", async () => (await seen()).every((n) => n >= 9), 60000);
   say(`views: ${await seen()}; missing: ${await page.locator("#calibrate-needs li").allTextContents()}`);
@@ -120,23 +123,24 @@ async function test() {
     await page.click("#calibrate-accept");
   }
   await until("it is accepted", async () => /my\.rig-.*-board\.yaml is now the rig/.test(await says()));
+  await closeTool(page); // the steps come back
   await until("the step is done", async () => /Colour.*No target yet/s.test(await current()), 30000);
 
   // ---- Colour: a target, and which colour it has.
-  await page.click("#steps-list button");
+  await page.click("#steps-list [data-step=current] button");
   await page.fill("#adjust-name", "ball");
   assert.equal(await page.inputValue("#adjust-radius"), "", "its radius is left open");
   await page.click("#adjust-add");
+  await until("it is added", async () => /^Added: ball/.test(await page.textContent("#adjust-says")));
+  await closeTool(page);
   await until("a colour is missed", async () => /Colour.*What colour is ball\?/s.test(await current()), 30000);
-  await page.click("#adjust-close");
   await picture("6_colour");
-  await page.click("#steps-list button");
-  await page.waitForSelector("#teach-pictures canvas[data-camera=cam1]");
+  await page.click("#steps-list [data-step=current] button");
+  await until("both pictures are frozen", async () => (await page.locator("#cameras .frozen canvas[role=application]").count()) === 2);
+  const frozen = (camera) => page.locator(`#cameras figure:has(b:text-is("${camera}")) canvas`);
   // Where the object is, for somebody who sees lime in a grey room.
   const limeIn = async (camera) => {
-    const canvas = page.locator(`#teach-pictures canvas[data-camera=${camera}]`);
-    await canvas.scrollIntoViewIfNeeded();
-    return canvas.evaluate((canvas) => {
+    return frozen(camera).evaluate((canvas) => {
       const { width, height } = canvas;
       const { data } = canvas.getContext("2d").getImageData(0, 0, width, height);
       let [u, v, n] = [0, 0, 0];
@@ -150,7 +154,7 @@ async function test() {
   };
   const places = { cam0: await limeIn("cam0"), cam1: await limeIn("cam1") }; // before the mask lies over them
   for (const camera of ["cam0", "cam1"]) {
-    await page.click(`#teach-pictures canvas[data-camera=${camera}]`, { position: places[camera] });
+    await frozen(camera).click({ position: places[camera] });
     await until(`${camera} is learnt`, async () => (await page.getAttribute("#teach-panel", "aria-busy")) === "false" && /Learnt from/.test(await page.textContent("#teach-says")));
   }
   assert.match(await page.textContent("#teach-says"), /Learnt from 2 of 2.*It has a radius of \d+(\.\d)? mm, give or take/);
@@ -165,7 +169,8 @@ async function test() {
   // ---- Track.
   const state = () => page.getAttribute("#targets li[data-target=ball]", "data-state").catch(() => "");
   await until("it is tracked", async () => (await state()) === "tracking");
-  await until("the steps go", () => page.isHidden("#steps"));
+  await closeTool(page);
+  assert.equal(await page.isHidden("#steps"), true);
   await sleep(2000); // what is behind the ball is learnt
   await picture("8_track");
   const positions = await page.evaluate(() => new Promise((resolve) => {
@@ -180,21 +185,23 @@ async function test() {
   const rms = rmsOf(positions);
   say(`tracked from nothing: ${positions.length} positions, rms ${(1000 * rms).toFixed(1)} mm`);
   assert.ok(rms < 0.01, `${1000 * rms} mm`);
-  await page.click("#steps-open");
+  await openTool(page, "steps");
   await until("all steps are done", async () => (await page.locator("#steps-list [data-step=done]").count()) === 5);
 
   // ---- Undone: the target has no colour again; and the undoing.
   const saved = readFileSync(taught, "utf8");
   assert.match(saved, /^rig: .*my\.rig-/m);
+  await openTool(page, "teach");
   await page.click("#teach-undo");
   await until("it is undone", async () => /^Undone: my\.taught\.yaml is as it was before/.test(await page.textContent("#teach-says")));
   await until("it is not tracked any more", async () => (await state()) === "searching");
-  await until("its colour is missed", async () => /What colour is ball/.test(await current()));
   await page.click("#teach-redo");
   await until("it is tracked again", async () => (await state()) === "tracking");
   assert.equal(readFileSync(taught, "utf8"), saved);
 
   // ---- The board, as it is printed.
+  await openTool(page, "calibrate");
+  await page.click("#calibrate-board summary");
   await page.selectOption("#calibrate-paper", "A1");
   const [download] = await Promise.all([page.waitForEvent("download"), page.click("#calibrate-print")]);
   assert.equal(download.suggestedFilename(), "board.pdf");
@@ -210,7 +217,7 @@ async function test() {
   await page.check("input[name=calibrate-kind][value=wave]");
   await page.fill("#calibrate-seconds", "40");
   await page.click("#calibrate-from-now");
-  await until("the wave is seen in both", async () => [...(await page.textContent("#calibrate-pictures")).matchAll(/([1-9]\d*) of 150 pictures of it moving/g)].length === 2, 20000);
+  await until("the wave is seen in both", async () => [...(await page.textContent("#calibrate-cameras")).matchAll(/([1-9]\d*) of 150 pictures of it moving/g)].length === 2, 20000);
   assert.ok((await page.locator("#calibrate-needs li").count()) > 0, "something is missing yet");
   await picture("9_wave_coverage");
   await page.click("#calibrate-cancel");

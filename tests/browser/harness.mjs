@@ -63,7 +63,42 @@ export async function openPage(domain, until, viewport) {
   return { view, address, browser, ...(await visit(address, viewport)) };
 }
 
+// Opens a tool, or leaves it open. On a phone some stand under More.
+export async function openTool(page, tool) {
+  if (!(await page.isVisible(`#${tool}-open`))) {
+    await openTool(page, "more");
+    await page.click(`[data-goto=${tool}]`);
+  } else if ((await page.getAttribute(`#${tool}-open`, "aria-expanded")) !== "true") await page.click(`#${tool}-open`);
+}
+export async function closeTool(page) {
+  const close = page.locator("#drawer .tool:not([hidden]) .close");
+  if (await close.count()) await close.click();
+}
+
+// What of these is not in the window as a whole, without scrolling: neither the page nor anything in it.
+export const belowTheFold = (page, selectors) => page.evaluate((selectors) => {
+  const found = [];
+  if (document.documentElement.scrollHeight > innerHeight) found.push(`the page is ${document.documentElement.scrollHeight} px tall in a window of ${innerHeight}`);
+  for (const selector of selectors) {
+    const all = [...document.querySelectorAll(selector)].filter((e) => e.checkVisibility());
+    if (!all.length) found.push(`${selector} is not shown`);
+    for (const e of all) {
+      const r = e.getBoundingClientRect();
+      let box = { left: 0, top: 0, right: innerWidth, bottom: innerHeight };
+      for (let around = e.parentElement; around; around = around.parentElement) {
+        if (getComputedStyle(around).overflowY === "visible") continue;
+        const b = around.getBoundingClientRect();
+        box = { left: Math.max(box.left, b.left), top: Math.max(box.top, b.top), right: Math.min(box.right, b.right), bottom: Math.min(box.bottom, b.bottom) };
+      }
+      if (r.width < 1 || r.height < 1 || r.left < box.left - 2 || r.top < box.top - 2 || r.right > box.right + 2 || r.bottom > box.bottom + 2)
+        found.push(`${selector}: ${[r.left, r.top, r.right, r.bottom].map(Math.round)} in ${[box.left, box.top, box.right, box.bottom].map(Math.round)}`);
+    }
+  }
+  return found;
+}, selectors);
+
 // What does not fit into the page as it is: wider than the window, cut off, or one thing that is read or used on another.
+// A note on a picture lies on it.
 export const misfits = (page) => page.evaluate(() => {
   const found = [];
   const of = (e) => `${e.tagName.toLowerCase()}${e.id ? `#${e.id}` : ""} "${(e.textContent || e.getAttribute("aria-label") || "").trim().slice(0, 40)}"`;
@@ -71,8 +106,8 @@ export const misfits = (page) => page.evaluate(() => {
   if (wide > window) found.push(`the page is ${wide} px wide in a window of ${window}`);
   const boxes = [];
   for (const e of document.querySelectorAll("button, select, input, summary, a, canvas, h2, h3, p, dd, dt, b, li, label, figcaption, .about, .key, .chip, .small")) {
-    if (!e.checkVisibility() || e.closest(".unseen, .skip, .awaited")) continue;
-    const scrolls = e.closest(".scroll, pre");
+    if (!e.checkVisibility() || e.closest(".unseen, .skip, .awaited, .camera .note, .edge")) continue;
+    const scrolls = e.closest(".scroll, pre, .tool-body, .time-body, #cameras, #targets, #notices");
     // Of what scrolls in a box of its own only what the box shows.
     const own = e.getBoundingClientRect(), box = scrolls?.getBoundingClientRect() ?? own;
     const r = { left: Math.max(own.left, box.left), right: Math.min(own.right, box.right), top: Math.max(own.top, box.top), bottom: Math.min(own.bottom, box.bottom) };
@@ -91,7 +126,7 @@ export const misfits = (page) => page.evaluate(() => {
   return found;
 });
 // Windows that people have: 4:3, 16:9, a screen on its side, a phone.
-export const windows = { "4x3": [1280, 960], "16x9": [1920, 1080], portrait: [1080, 1920], phone: [390, 844] };
+export const windows = { "4x3": [1280, 960], "16x9": [1920, 1080], laptop: [1400, 900], portrait: [1080, 1920], phone: [390, 844] };
 
 // Scrolled through once, as what nobody has seen is not drawn, and back.
 export async function lookedThrough(page) {
@@ -104,13 +139,19 @@ export async function lookedThrough(page) {
   await sleep(200);
 }
 
-// The page as it is, looked at in each of these windows: nothing misfits, and a picture of it is left in --out.
+// The page as it is, looked at in each of these windows: nothing misfits, nothing that is needed is below the fold, and a picture of
+// it is left in --out.
 export async function lookAt(page, name) {
   const usual = page.viewportSize();
   for (const [window, [width, height]] of Object.entries(windows)) {
     await page.setViewportSize({ width, height });
     await lookedThrough(page);
     assert.deepEqual(await misfits(page), [], `${name} in a window of ${width} x ${height}`);
+    // What is needed to teach, to calibrate, and to read a position, as far as it is shown now.
+    const needed = [];
+    for (const part of ["#tools button", "#cameras canvas", "#targets .position", "#targets .state", ".tool-foot button"])
+      if (await page.locator(`${part}:visible`).count()) needed.push(part);
+    assert.deepEqual(await belowTheFold(page, needed), [], `${name} in a window of ${width} x ${height}`);
     await page.screenshot({ path: join(options.out, `${name}_${window}.png`), fullPage: true });
   }
   await page.setViewportSize(usual);

@@ -5,7 +5,7 @@ import { existsSync, mkdtempSync, readFileSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 
-import { openPage, options, run, say, skip, sleep, start, waiting } from "./harness.mjs";
+import { belowTheFold, openPage, openTool, options, run, say, skip, sleep, start, waiting } from "./harness.mjs";
 
 const occlusion = join(options.data, "rendered/occlusion");
 if (!existsSync(join(occlusion, "recording.yaml"))) skip(`no recording in ${occlusion}`);
@@ -81,7 +81,7 @@ async function checkNames(page) {
     assert.ok(role === "table" || node.name?.value, `a ${role} without a name`);
   }
   const headings = nodes.filter((n) => !n.ignored && n.role?.value === "heading").map((n) => n.name.value);
-  for (const heading of ["huetrack", "Cameras", "Scene", "Teach a colour", "Over time", "Health"])
+  for (const heading of ["huetrack", "Cameras", "Scene", "Over time"])
     assert.ok(headings.includes(heading), `no heading ${heading} in ${headings}`);
   assert.ok(nodes.some((n) => n.role?.value === "main"), "no main landmark");
   return roles;
@@ -147,8 +147,9 @@ async function test() {
     };
   }));
   assert.ok(["pink", "lime"].includes(overWebSocket), `over a WebSocket: ${overWebSocket}`);
+  await openTool(page, "teach");
   await until("why it may not be taught", async () => /allow_teach: true/.test(await page.textContent("#teach-why")));
-  assert.equal(await page.isDisabled("#teach-open"), true);
+  assert.equal(await page.isVisible("#teach-save"), false);
   await sleep(1500);
   await page.screenshot({ path: join(options.out, "occlusion.png"), fullPage: true });
   assert.deepEqual(await page.evaluate(faintTexts), []);
@@ -201,24 +202,27 @@ async function test() {
 
   // ---- A click teaches lime from frame 0.
   const pixels = truthPixels();
-  await until("it may be taught", async () => !(await page.isDisabled("#teach-open")));
-  await page.click("#teach-open");
-  await page.waitForSelector("#teach-pictures canvas[data-camera=cam1]").catch(async (error) => {
+  // It was opened before, and begins by itself once it is allowed: the big pictures freeze where they are.
+  await openTool(page, "teach");
+  await until("both pictures are frozen", async () => (await page.locator("#cameras .frozen canvas[role=application]").count()) === 2).catch(async (error) => {
     throw new Error(`no frozen pictures; the page says: ${await page.textContent("#teach-says")}`, { cause: error });
   });
-  await until("Save is there, and can be read", () => page.isDisabled("#teach-save"));
+  assert.deepEqual(await belowTheFold(page, ["#cameras canvas", "#teach-save", "#teach-says", "#teach-cameras li"]), []);
+  assert.equal(await page.evaluate(() => scrollY), 0);
+  assert.equal(await page.isDisabled("#teach-save"), true);
+  assert.match(await page.textContent("#teach-panel .tool-foot .hint"), /Save colour: click on the object/, "why it cannot be saved is said without a hover");
   assert.deepEqual(await page.evaluate(faintTexts), []);
+  const frozen = (camera) => page.locator(`#cameras figure:has(b:text-is("${camera}")) canvas`);
   const at = async (camera) => {
-    const canvas = page.locator(`#teach-pictures canvas[data-camera=${camera}]`);
-    await canvas.scrollIntoViewIfNeeded();
-    const box = await canvas.boundingBox();
+    const box = await frozen(camera).boundingBox();
     return { x: ((pixels[camera][0] + 0.5) / 320) * box.width, y: ((pixels[camera][1] + 0.5) / 240) * box.height };
   };
-  await page.click("#teach-pictures canvas[data-camera=cam0]", { position: await at("cam0") });
-  await until("the other view is suggested", async () => /probably at/.test(await page.textContent("#teach-pictures")));
+  await frozen("cam0").click({ position: await at("cam0") });
+  await until("the other view is suggested", async () => /probably at/.test(await page.textContent("#teach-cameras")));
+  assert.equal(await page.locator("#cameras figure.large").count(), 0, "a click teaches, and does not enlarge");
   await page.screenshot({ path: join(options.out, "teach_suggested.png"), fullPage: true });
-  assert.match(await page.textContent("#teach-pictures"), /Hue \d+–\d+°, saturation/);
-  assert.match(await page.textContent("#teach-pictures"), /% of the background matches here/);
+  assert.match(await page.textContent("#teach-cameras"), /Hue \d+–\d+°, saturation/);
+  assert.match(await page.textContent("#teach-cameras"), /% of the background matches here/);
   // To save what one view alone taught needs to be meant.
   const untaught = readFileSync(teachable, "utf8");
   await page.click("#teach-save");
@@ -230,12 +234,12 @@ async function test() {
     await until("a reply", async () => (await page.getAttribute("#teach-panel", "aria-busy")) === "false");
   }
   assert.equal(await page.isDisabled("#teach-narrower"), true);
-  say(`narrowed: ${await page.textContent("#teach-width")}; ${await page.textContent("#teach-pictures .note")}`);
-  assert.match(await page.textContent("#teach-pictures .note"), /only [\d.]+ % of the object|nothing of the object/);
-  await page.click("#teach-again");
+  say(`narrowed: ${await page.textContent("#teach-width")}; ${await page.textContent("#teach-cameras p")}`);
+  assert.match(await page.textContent("#teach-cameras p"), /only [\d.]+ % of the object|nothing of the object/);
+  await page.click("#teach-freeze");
   await until("new pictures", async () => (await page.getAttribute("#teach-panel", "aria-busy")) === "false");
   // A drag is no click.
-  const frame = await page.locator("#teach-pictures canvas[data-camera=cam0]").boundingBox();
+  const frame = await frozen("cam0").boundingBox();
   await page.mouse.move(frame.x + 40, frame.y + 20);
   await page.mouse.down();
   await page.mouse.move(frame.x + 40, frame.y + 90, { steps: 4 });
@@ -243,10 +247,10 @@ async function test() {
   await sleep(300);
   assert.equal(await page.getAttribute("#teach-panel", "aria-busy"), "false");
   assert.equal(await page.isDisabled("#teach-save"), true);
-  await page.click("#teach-pictures canvas[data-camera=cam0]", { position: await at("cam0") });
-  await until("the other view is suggested again", async () => /probably at/.test(await page.textContent("#teach-pictures")));
+  await frozen("cam0").click({ position: await at("cam0") });
+  await until("the other view is suggested again", async () => /probably at/.test(await page.textContent("#teach-cameras")));
   // The second one with the keyboard alone, from the middle of the picture.
-  const canvas = page.locator("#teach-pictures canvas[data-camera=cam1]");
+  const canvas = frozen("cam1");
   await canvas.focus();
   const steps = [Math.round(pixels.cam1[0]) - 160, Math.round(pixels.cam1[1]) - 120];
   for (const [n, less, more] of [[steps[0], "ArrowLeft", "ArrowRight"], [steps[1], "ArrowUp", "ArrowDown"]]) {
@@ -257,8 +261,8 @@ async function test() {
   await until("both are learnt", async () => /Learnt from 2 of 2/.test(await page.textContent("#teach-says")));
   await page.screenshot({ path: join(options.out, "teach_mask.png"), fullPage: true });
   const stops = await tabStops(page);
-  for (const stop of ["theme", "home", "scene", "teach-open", "teach-target", "teach-freeze", "teach-again", "teach-narrower",
-    "teach-wider", "teach-mask", "teach-ignore", "cam0", "cam1", "magnify", "plots", "plot-span", "plot-pause", "teach-save", "teach-save-ignored", "teach-resume", "teach-close"])
+  for (const stop of ["theme", "home", "scene", "teach-open", "teach-target", "teach-freeze", "teach-narrower",
+    "teach-wider", "teach-mask", "cam0", "cam1", "magnify", "plots-open", "teach-save", "teach-resume", "teach-close"])
     assert.ok(stops.includes(stop), `${stop} is not reached with Tab: ${stops}`);
   assert.deepEqual(await page.evaluate(faintTexts), []);
   await checkNames(page);

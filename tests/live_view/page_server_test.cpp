@@ -155,6 +155,22 @@ TEST_F(Server, ForwardsARecordingWhileItArrives) {
                             HasSubstr("Content-Type: application/x-tar\r\n"), EndsWith(whole)));
 }
 
+TEST_F(Server, ShowsAPictureOfARecording) {
+  start();
+  const auto download = offer("run", RecordingDownload::picture_words("run"));
+  const std::string jpeg = "\xFF\xD8 a picture";
+  const std::jthread service([&](const std::stop_token& stop) {
+    while (!stop.stop_requested()) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+      serve_piece(*download, jpeg, 100'000);
+    }
+  });
+  EXPECT_THAT(get("/api/recordings/run.jpg"),
+              AllOf(StartsWith("HTTP/1.1 200"), HasSubstr("Content-Type: image/jpeg\r\n"),
+                    HasSubstr("Content-Security-Policy: sandbox"), EndsWith(jpeg)));
+  EXPECT_THAT(get("/api/recordings/..%2fetc.jpg"), StartsWith("HTTP/1.1 404"));
+}
+
 // It comes from the bus: as a page of ours it could ask the service for anything.
 TEST_F(Server, SandboxesTheReport) {
   start();

@@ -168,6 +168,13 @@ TEST_F(Control, ARecordingIsBegunEndedListedAndRead) {
     }
     got += piece.bytes().size();
   }
+  const msg::ControlReply picture = ask({"record", "picture", name, "0"});
+  ASSERT_TRUE(picture.granted()) << picture.reason();
+  ASSERT_GT(picture.bytes().size(), 100u);
+  EXPECT_EQ(picture.bytes()[0], 0xFF);
+  EXPECT_EQ(picture.bytes()[1], 0xD8);  // a JPEG
+  EXPECT_EQ(picture.rows().at(0).columns().at(0), std::to_string(picture.bytes().size()));
+  EXPECT_EQ(ask({"record", "picture", "../secret", "0"}).reason(), "That is not a valid name of a recording.");
   const recordings::Recording recording = recordings::read_recording(folder / name);
   EXPECT_EQ(recording.cameras.size(), config.rig.cameras.size());
   EXPECT_EQ(recording.cameras[0].timestamps.size(), 11u);
@@ -248,6 +255,20 @@ class Targets : public Control {
   bool can_restart = true;
   int reloads = 0, begun_anew = 0;
 };
+
+TEST_F(Targets, TheConfigurationIsShownWithoutPasswords) {
+  std::ofstream(config.file, std::ios::app) << "cameras: {cam0: {device: \"rtsp://me:hidden@10.0.0.7/live\"}}\n";
+  ASSERT_TRUE(ask({"target", "set", "ball", "hue_deg=340,20"}).granted());
+  const msg::ControlReply reply = ask({"config", "show"});
+  ASSERT_TRUE(reply.granted()) << reply.reason();
+  ASSERT_EQ(reply.rows().size(), 2u);
+  EXPECT_THAT(reply.rows().at(0).columns(),
+              ElementsAre("c.yaml", AllOf(HasSubstr("hue_deg: [10, 30]"), HasSubstr("rtsp://***@10.0.0.7/live"),
+                                          Not(HasSubstr("hidden")))));
+  EXPECT_THAT(reply.rows().at(1).columns(), ElementsAre("c.taught.yaml", HasSubstr("hue_deg: [340, 20]")));
+  config.control.allow_teach = false;
+  EXPECT_FALSE(ask({"config", "show"}).granted());
+}
 
 TEST_F(Targets, AreChangedAddedRenamedAndUndone) {
   EXPECT_THAT(ask({"target", "list"}).rows().at(0).columns(),

@@ -1,8 +1,10 @@
-// node build.mjs OUTPUT: bundles the page into OUTPUT/page.js and copies what needs no bundling.
+// node build.mjs OUTPUT [ROOT DOCUMENTS]: bundles the page into OUTPUT/page.js, copies what needs no bundling, and makes
+// OUTPUT/help.html of the documents (separated by commas, from ROOT on).
 import { build } from "esbuild";
-import { copyFileSync, mkdirSync } from "node:fs";
+import { copyFileSync, mkdirSync, writeFileSync } from "node:fs";
+import { helpOf } from "./help.mjs";
 
-const output = process.argv[2];
+const [output, root = "", documents = ""] = process.argv.slice(2);
 mkdirSync(output, { recursive: true });
 await build({
   entryPoints: ["src/main.ts"],
@@ -15,3 +17,4 @@ await build({
   logLevel: "warning",
 });
 for (const file of ["index.html", "page.css"]) copyFileSync(file, `${output}/${file}`);
+writeFileSync(`${output}/help.html`, helpOf(root, documents.split(",").filter(Boolean)));

@@ -1,25 +1,28 @@
 // Targets by hand: colour by sliders with live matches, radius, name; new targets.
-import { drawLive, follow, liveFigures, matchingShare, showLiveMasks, showRadius } from "./cameras";
-import { ask } from "./control";
+import { clearLayers, colorAt, matchingShare, setLayer, showLiveMasks, showRadius } from "./cameras";
+import { askAloud, say as sayIn } from "./control";
+import { enable } from "./hints";
 import { updateHistory, whenStepped } from "./history";
 import type { Color, ControlReply } from "./messages";
 import { setOptions } from "./options";
+import { isOpen, onTool, refuse, show as showTool } from "./shell";
 import { isServing, mayChange, store } from "./store";
 
 const $ = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 const field = (id: string) => $<HTMLInputElement>(`adjust-${id}`);
 const choice = (id: string) => $<HTMLSelectElement>(`adjust-${id}`);
 
-// The defaults of a configuration (service/color/color_model.h).
-const untaught: Omit<Color, "camera"> = { hue_deg: [0, 300], saturation: [0.3, 1], intensity: [0.1, 0.95] };
+// Without a colour nothing matches. Saturation and intensity are a configuration's defaults (service/color/color_model.h).
+const untaught: Omit<Color, "camera"> = { hue_deg: [0, 0], saturation: [0.3, 1], intensity: [0.1, 0.95] };
+const pickedHue = 20, pickedShare = 0.25; // around a colour that was clicked on: degrees; of saturation and intensity
 const kinds = ["hue_deg", "saturation", "intensity"] as const;
 type Kind = (typeof kinds)[number];
 const scales: Record<Kind, number> = { hue_deg: 1, saturation: 100, intensity: 100 }; // of a slider's steps
 const units: Record<Kind, string> = { hue_deg: "°", saturation: " %", intensity: " %" };
 
-const panel = $("adjust-panel");
 let shown = ""; // configuration shown by the sliders; a new one replaces it unless the user has moved one
-let isTouched = false;
+let isTouched = false; // a slider was moved
+let isBlank = true; // it has no colour, and none was chosen
 let isSized = false; // the user has typed a radius
 let isBusy = false;
 
@@ -27,16 +30,15 @@ const sliders = (kind: Kind) => [0, 1].map((end) => field(`${kind}-${end}`)) as 
 const target = () => store.scene?.targets.find((t) => t.name === choice("target").value);
 const colorIn = (camera: string) => target()?.colors.find((c) => c.camera === camera);
 
-function say(text: string, isBad = false): void {
-  $("adjust-says").textContent = text;
-  $("adjust-says").classList.toggle("bad", isBad);
-}
+const say = (text: string, isBad = false) => sayIn($("adjust-says"), text, isBad);
 
 const valuesOf = (kind: Kind) => sliders(kind).map((s) => Number(s.value) / scales[kind]) as [number, number];
 
 function fill(): void {
   const now = target();
-  const color = now?.colors.find((c) => !choice("camera").value || c.camera === choice("camera").value) ?? untaught;
+  const known = now?.colors.find((c) => !choice("camera").value || c.camera === choice("camera").value);
+  const color = known ?? untaught;
+  isBlank = !known;
   for (const kind of kinds) sliders(kind).forEach((slider, end) => (slider.value = String(Math.round(color[kind][end] * scales[kind]))));
   field("radius").value = now ? String(+(1000 * now.radius).toFixed(1)) : "";
   isTouched = isSized = false;
@@ -49,6 +51,7 @@ function showSwatch([low, high]: [number, number]): void {
   const width = high - low + (low > high ? 360 : 0);
   const [first, last] = [low, high].map((hue) => names[Math.round(hue / 30) % names.length]);
   const swatch = $("adjust-swatch");
+  swatch.hidden = isBlank;
   swatch.style.background = `linear-gradient(to right, ${[0, 1, 2, 3, 4].map((i) => `hsl(${low + (width * i) / 4} 80% 50%)`)})`;
   swatch.title = first === last ? first! : `${first} to ${last}`;
   swatch.setAttribute("aria-label", swatch.title);
@@ -58,15 +61,15 @@ function showSwatch([low, high]: [number, number]): void {
 function show(): void {
   for (const kind of kinds) {
     const [low, high] = valuesOf(kind).map((v) => Math.round(v * scales[kind]));
-    $(`adjust-${kind}-says`).textContent = `${low} to ${high}${units[kind]}${kind === "hue_deg" && low > high ? ", through 0" : ""}`;
+    $(`adjust-${kind}-says`).textContent = isBlank && kind === "hue_deg" ? "none yet" : `${low} to ${high}${units[kind]}${kind === "hue_deg" && low > high ? ", through 0" : ""}`;
   }
   showSwatch(valuesOf("hue_deg"));
-  if (panel.hidden) return;
+  if (!isOpen("adjust")) return;
   const edited = Object.fromEntries(kinds.map((kind) => [kind, valuesOf(kind)])) as unknown as Omit<Color, "camera">;
   const cameras = (store.scene?.cameras ?? []).map((c) => c.name);
   const alone = choice("camera").value;
   showLiveMasks(
-    new Map(
+    isBlank ? null : new Map(
       cameras.map((camera) => {
         const color = !alone || alone === camera ? { camera, ...edited } : colorIn(camera) ?? { camera, ...untaught };
         return [camera, { color, ignored: (store.scene?.ignored ?? []).filter((i) => i.camera === camera).map((i) => i.box as number[]) }];
@@ -78,31 +81,56 @@ function show(): void {
   drawAdjust();
 }
 
-// Each camera's picture with its matches and their share.
+// The matching share of each picture.
 export function drawAdjust(): void {
-  if (panel.hidden) return;
-  for (const figure of $("adjust-pictures").querySelectorAll<HTMLElement>("figure")) {
-    const camera = figure.dataset.camera!;
-    drawLive(figure.querySelector("canvas")!, camera);
-    const share = matchingShare(camera);
-    figure.querySelector("span")!.textContent = share === null ? "" : `${(100 * share).toFixed(2)} %`;
+  if (!isOpen("adjust")) return;
+  for (const item of $("adjust-cameras").children as unknown as HTMLElement[]) {
+    const share = matchingShare(item.dataset.camera!);
+    item.querySelector(".chip")!.textContent = share === null ? "" : `${(100 * share).toFixed(2)} % matches`;
   }
 }
 
-function makePictures(cameras: string[]): void {
-  follow(cameras);
-  const grid = $("adjust-pictures");
-  if (!liveFigures(grid, cameras)) return;
-  for (const figure of grid.children as unknown as HTMLElement[])
-    figure.querySelector("canvas")!.setAttribute("aria-label", `What matches in ${figure.dataset.camera}`);
+function listCameras(cameras: string[]): void {
+  const list = $("adjust-cameras");
+  if ([...list.children].map((item) => (item as HTMLElement).dataset.camera).join("\n") === cameras.join("\n")) return;
+  list.replaceChildren(
+    ...cameras.map((camera) => {
+      const item = document.createElement("li");
+      item.dataset.camera = camera;
+      item.innerHTML = `<b></b><span class="chip"></span>`;
+      item.querySelector("b")!.textContent = camera;
+      return item;
+    }),
+  );
+  for (const camera of cameras) setLayer(camera, { point: (pixel) => pick(camera, pixel) });
+}
+
+// A click on the object: ranges around its colour, to begin with.
+function pick(camera: string, pixel: [number, number]): void {
+  const rgb = colorAt(camera, pixel);
+  if (!rgb) return;
+  const [r, g, b] = rgb;
+  const intensity = (r + g + b) / 3;
+  const saturation = intensity > 0 ? 1 - Math.min(r, g, b) / intensity : 0;
+  const hue = ((Math.atan2((Math.sqrt(3) / 2) * (g - b), r - (g + b) / 2) * 180) / Math.PI + 360) % 360;
+  const around = (value: number) => [Math.max(0, value - pickedShare), Math.min(1, value + pickedShare)];
+  const ranges = { hue_deg: [(hue - pickedHue + 360) % 360, (hue + pickedHue) % 360], saturation: around(saturation), intensity: around(intensity / 255) };
+  for (const kind of kinds) sliders(kind).forEach((slider, end) => (slider.value = String(Math.round(ranges[kind][end] * scales[kind]))));
+  touched();
+}
+
+function touched(): void {
+  isTouched = true;
+  isBlank = false;
+  show();
+  update();
 }
 
 async function act(...words: string[]): Promise<ControlReply> {
   isBusy = true;
   update();
-  const reply = await ask(...words);
+  const reply = await askAloud($("adjust-says"), ...words);
   isBusy = false;
-  say(reply.reason, !reply.granted);
   if (reply.granted) isTouched = isSized = false; // now the current values
   void updateHistory();
   update();
@@ -110,7 +138,7 @@ async function act(...words: string[]): Promise<ControlReply> {
 }
 
 function save(): void {
-  const pairs = kinds.map((kind) => `${kind}=${valuesOf(kind).map((v) => +v.toFixed(3)).join(",")}`);
+  const pairs = isBlank ? [] : kinds.map((kind) => `${kind}=${valuesOf(kind).map((v) => +v.toFixed(3)).join(",")}`);
   const camera = choice("camera").value ? [`camera=${choice("camera").value}`] : [];
   // A radius that was not typed is not sent: it is measured.
   const radius = isSized ? [`radius_m=${Number(field("radius").value) / 1000}`] : [];
@@ -121,50 +149,49 @@ function update(): void {
   const isRadius = Number(field("radius").value) > 0;
   const name = field("name").value.trim();
   const isName = /^[A-Za-z](_?[A-Za-z0-9])*_?$/.test(name) && !store.scene?.targets.some((t) => t.name === name);
-  $<HTMLButtonElement>("adjust-save").disabled = isBusy || !target() || !isRadius;
-  $<HTMLButtonElement>("adjust-reset").disabled = isBusy || !isTouched;
-  $<HTMLButtonElement>("adjust-add").disabled = isBusy || !isName;
-  $<HTMLButtonElement>("adjust-rename").disabled = isBusy || !isName || !target();
-  $<HTMLButtonElement>("adjust-remove").disabled = isBusy || !target() || (store.scene?.targets.length ?? 0) < 2;
+  const wait = isBusy ? "wait for the service" : "";
+  const noTarget = target() ? "" : "there is no target yet";
+  const noName = isName ? "" : !name ? "type a name" : store.scene?.targets.some((t) => t.name === name) ? "this name is taken" : "letters, digits and single _, beginning with a letter";
   const chosen = choice("target").value;
   $("adjust-rename").textContent = `Rename ${chosen}`;
   $("adjust-remove").textContent = `Remove ${chosen}`;
+  enable($("adjust-save"), wait || noTarget || (isBlank && !isSized ? "choose a colour first" : isRadius ? "" : "type its radius, or teach its colour, which measures it"));
+  $("adjust-reset").hidden = !isTouched;
+  enable($("adjust-reset"), wait);
+  enable($("adjust-add"), wait || noName);
+  enable($("adjust-rename"), wait || noName || noTarget);
+  enable($("adjust-remove"), wait || noTarget || ((store.scene?.targets.length ?? 0) < 2 ? "it is the only target" : ""));
 }
 
-function open(): void {
-  panel.hidden = false;
-  $("adjust-open").setAttribute("aria-expanded", "true");
+function opened(): void {
   say("");
+  updateAdjust(isServing());
   fill();
   update();
   void updateHistory();
 }
 
-function close(): void {
-  panel.hidden = true;
-  $("adjust-open").setAttribute("aria-expanded", "false");
+function closed(): void {
   showLiveMasks(null);
   showRadius("", 1);
-  follow([]);
+  clearLayers();
+  $("adjust-cameras").replaceChildren();
 }
 
 // From the first steps: there is no target yet.
 export function openTargets(): void {
-  updateAdjust(isServing());
-  if (panel.hidden) open();
-  updateAdjust(isServing());
-  panel.scrollIntoView({ behavior: "smooth", block: "start" });
+  showTool("adjust");
+  $<HTMLDetailsElement>("adjust-names").open = true;
   field("name").focus({ preventScroll: true });
 }
 
 // Once a second.
 export function updateAdjust(serving: boolean): void {
   const { scene } = store;
-  const allowed = serving && mayChange();
-  $<HTMLButtonElement>("adjust-open").disabled = !allowed && panel.hidden;
-  $("adjust-why").textContent = !serving || !scene || mayChange() ? "" : scene.why_not;
-  if (panel.hidden || !scene || !isServing()) return;
-  makePictures(scene.cameras.map((c) => c.name));
+  refuse("adjust", !serving || !scene ? "No service is connected." : mayChange() ? "" : scene.why_not);
+  if (!isOpen("adjust") || !scene || !serving || !mayChange()) return;
+  listCameras(scene.cameras.map((c) => c.name));
+  $<HTMLDetailsElement>("adjust-names").open ||= !scene.targets.length;
   setOptions(choice("target"), scene.targets.map((t) => [t.name, t.name]));
   setOptions(choice("camera"), [["", "all cameras"], ...scene.cameras.map((c): [string, string] => [c.name, `${c.name} alone`])]);
   const now = JSON.stringify([scene.host, scene.pid, scene.targets]);
@@ -177,11 +204,7 @@ export function updateAdjust(serving: boolean): void {
 
 for (const kind of kinds)
   for (const slider of sliders(kind))
-    slider.addEventListener("input", () => {
-      isTouched = true;
-      show();
-      update();
-    });
+    slider.addEventListener("input", touched);
 field("radius").addEventListener("input", () => {
   isTouched = isSized = true;
   show();
@@ -189,16 +212,7 @@ field("radius").addEventListener("input", () => {
 });
 field("name").addEventListener("input", update);
 for (const id of ["target", "camera"]) choice(id).addEventListener("change", () => (fill(), update()));
-$("adjust-open").addEventListener("click", () => {
-  if (!panel.hidden) return close();
-  updateAdjust(true);
-  open();
-  updateAdjust(isServing());
-});
-$("adjust-close").addEventListener("click", () => {
-  close();
-  $("adjust-open").focus();
-});
+onTool("adjust", { opened, closed });
 $("adjust-save").addEventListener("click", save);
 $("adjust-reset").addEventListener("click", () => (fill(), update()));
 // Uses the typed values for the new target, not those of another one.

@@ -1,13 +1,14 @@
 // Calibration while the service runs, from a board that is carried in front of the cameras or from the waved object. The service
 // records, huetrack-calibrate solves; the user accepts the result.
-import { drawLive, follow, liveFigures } from "./cameras";
-import { ask } from "./control";
+import { clearLayers, setLayer, type Placed } from "./cameras";
+import { ask, askAloud, say as sayIn } from "./control";
+import { enable } from "./hints";
 import { updateHistory, whenStepped } from "./history";
 import type { ControlReply } from "./messages";
 import { setOptions } from "./options";
 import { save } from "./save";
-import { isServing, serviceOf, store } from "./store";
-import { isHidden, watchVisibility } from "./visibility";
+import { isOpen, onTool, refuse, show as showTool } from "./shell";
+import { serviceOf, store } from "./store";
 
 const $ = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 const field = (id: string) => $<HTMLInputElement>(`calibrate-${id}`);
@@ -19,6 +20,14 @@ const mostNeeds = 4; // most sentences at once
 const remembered = "huetrack-board";
 
 // The parameters of a board by its type: `huetrack-calibrate board --help`.
+// By type: what is assumed where nothing is typed (calib/program/board_command.cpp), and what its columns and rows count.
+const defaults: Record<string, Record<string, string>> = {
+  charuco: { columns: "7", rows: "5", square_mm: "32", marker_mm: "24" },
+  chessboard: { columns: "8", rows: "5", square_mm: "25" },
+  aruco_grid: { columns: "6", rows: "4", marker_mm: "32", gap_mm: "9.6" },
+  april_grid: { columns: "6", rows: "4", marker_mm: "32", gap_mm: "9.6" },
+};
+const counted: Record<string, string> = { charuco: "squares", chessboard: "inner corners", aruco_grid: "markers", april_grid: "markers" };
 const sizes: Record<string, string[]> = {
   charuco: ["square_mm", "marker_mm"],
   chessboard: ["square_mm"],
@@ -36,8 +45,6 @@ interface Coverage {
   now: string; // visibility of the board
 }
 
-const panel = $("calibrate-panel");
-const section = $("calibrate");
 let state: Record<string, string[]> | null = null; // by key; null: unknown or not allowed
 let coverage = new Map<string, Coverage>();
 let needs: string[] = [];
@@ -47,16 +54,14 @@ let service = "";
 let why = ""; // why nothing can be calibrated
 let isSure = false; // a doubtful result was confirmed once
 let isPrinting = false;
+let isActing = false;
 
 export const calibrationRefused = (): string => why;
 const word = (key: string, column = 0) => state?.[key]?.[column] ?? "";
 const isBusy = () => ["recording", "closing", "solving"].includes(word("state"));
 const kind = () => document.querySelector<HTMLInputElement>("input[name=calibrate-kind]:checked")!.value;
 
-function say(text: string, isBad = false): void {
-  $("calibrate-says").textContent = text;
-  $("calibrate-says").classList.toggle("bad", isBad);
-}
+const say = (text: string, isBad = false) => sayIn($("calibrate-says"), text, isBad);
 
 async function look(): Promise<void> {
   isAsking = true;
@@ -123,7 +128,7 @@ function show(): void {
   if (!hasRig) choices.find((choice) => choice.value === "board")!.checked = true;
   const now = word("state");
   const lamp = $("calibrate-lamp");
-  const names: Record<string, string> = { recording: "recording", closing: "recorded", solving: "calibrating", usable: "waits to be accepted", doubtful: "waits to be looked at" };
+  const names: Record<string, string> = { recording: "recording", closing: "recorded", solving: "calibrating", usable: "usable", doubtful: "doubtful" };
   lamp.dataset.state = now === "recording" ? "recording" : now || "none";
   lamp.textContent = names[now] ?? "";
   $("calibrate-begin").hidden = isBusy();
@@ -132,9 +137,13 @@ function show(): void {
   showSizes();
   const isRecording = now === "recording";
   const ofBoard = word("kind") === "board";
-  $<HTMLButtonElement>("calibrate-stop").disabled = !isRecording;
-  $("calibrate-stop").textContent = needs.length === 0 && coverage.size ? "That is enough: calibrate" : "Stop, and calibrate";
-  $("calibrate-stop").classList.toggle("primary", needs.length === 0 && coverage.size > 0);
+  const isEnough = needs.length === 0 && coverage.size > 0;
+  $("calibrate-stop").textContent = isEnough ? "That is enough: calibrate" : "Stop, and calibrate";
+  $("calibrate-stop").classList.toggle("primary", isEnough);
+  const isBoard = kind() === "board";
+  $("calibrate-no-wave").hidden = hasRig;
+  const isShown = { start: !isBusy() && isBoard, last: !isBusy() && !isBoard, "from-now": !isBusy() && !isBoard, stop: isRecording, cancel: isBusy() };
+  for (const [id, isHere] of Object.entries(isShown)) $(`calibrate-${id}`).hidden = !isHere;
   const [step, done, total, details] = state?.progress ?? [];
   const seconds = Number(word("seconds") || NaN);
   const progress = $<HTMLProgressElement>("calibrate-progress");
@@ -154,13 +163,18 @@ function show(): void {
   $("calibrate-accept").textContent = now === "doubtful" ? (isSure ? "Yes, use it all the same" : "Use it although it is doubtful…") : "Use it: the cameras stand so";
   $("calibrate-accept").classList.toggle("primary", now === "usable");
   showDistance(now);
-  $<HTMLButtonElement>("calibrate-print").disabled = isPrinting;
   $("calibrate-report").hidden = word("report") !== "true" || isBusy();
   const preRoll = Number(word("pre_roll_s"));
   $("calibrate-last").textContent = preRoll > 0 ? `Use the last ${preRoll} s` : "Use the last seconds";
-  $<HTMLButtonElement>("calibrate-last").disabled = !(preRoll > 0);
   setOptions($<HTMLSelectElement>("calibrate-target"), (store.scene?.targets ?? []).map((t) => [t.name, t.name]));
-  makePictures();
+  const wait = isActing ? "wait for the service" : "";
+  const noTarget = field("target").value ? "" : "there is no target yet";
+  enable($("calibrate-print"), isPrinting ? "it is being made" : "");
+  enable($("calibrate-last"), wait || noTarget || (preRoll > 0 ? "" : "the configuration keeps no last seconds (record: {pre_roll_s: 60})"));
+  for (const id of ["start", "stop", "cancel", "accept"]) enable($(`calibrate-${id}`), wait);
+  enable($("calibrate-from-now"), wait || noTarget);
+  enable($("calibrate-again"), wait || (distanceWords().length ? "" : "type the measured distance"));
+  listCameras();
 }
 
 // The scale of a wave is only roughly known from the ball's size. A measured distance between two cameras sets it, before the wave
@@ -177,7 +191,6 @@ function showDistance(now: string): void {
   $("calibrate-distance").hidden = isBusy() || !(kind() === "wave" || (ofWave && isOver));
   const again = $<HTMLButtonElement>("calibrate-again");
   again.hidden = !(ofWave && isOver);
-  again.disabled = distanceWords().length === 0;
 }
 
 // Empty if nothing plausible was typed.
@@ -208,51 +221,68 @@ async function print(): Promise<void> {
 function showSizes(): void {
   const wanted = sizes[field("type").value];
   for (const name of ["square_mm", "marker_mm", "gap_mm"]) field(name).closest("label")!.hidden = !wanted.includes(name);
+  const type = field("type").value;
+  const square = Number(field("square_mm").value), marker = Number(field("marker_mm").value);
+  for (const name of ["columns", "rows", ...wanted]) field(name).placeholder = defaults[type][name];
+  // Those that follow from another one that was typed.
+  if (type === "charuco" && square > 0) field("marker_mm").placeholder = String(+(0.75 * square).toFixed(2));
+  if (type.endsWith("grid") && marker > 0) field("gap_mm").placeholder = String(+(0.3 * marker).toFixed(2));
+  $("calibrate-counted").textContent = `Columns and rows count ${counted[type]}. Grey values are used where nothing is typed.`;
 }
 
-function makePictures(): void {
-  const names = isBusy() && word("state") === "recording" && !panel.hidden ? (store.scene?.cameras ?? []).map((c) => c.name) : [];
-  const grid = $("calibrate-pictures");
-  if (liveFigures(grid, names)) follow(names);
-  for (const figure of grid.children as unknown as HTMLElement[]) {
-    const of = coverage.get(figure.dataset.camera!);
+// What each camera has seen: in its picture, and in words.
+let overlaid = "";
+function listCameras(): void {
+  const names = word("state") === "recording" && isOpen("calibrate") ? (store.scene?.cameras ?? []).map((c) => c.name) : [];
+  const list = $("calibrate-cameras");
+  if (names.join("\n") !== overlaid) {
+    overlaid = names.join("\n");
+    if (!names.length) clearLayers();
+    for (const name of names) setLayer(name, { paint: (on) => paintCoverage(name, on) });
+    list.replaceChildren(
+      ...names.map((name) => {
+        const item = document.createElement("li");
+        item.dataset.camera = name;
+        item.innerHTML = `<b></b><span class="chip"></span><p></p>`;
+        item.querySelector("b")!.textContent = name;
+        return item;
+      }),
+    );
+  }
+  for (const item of list.children as unknown as HTMLElement[]) {
+    const of = coverage.get(item.dataset.camera!);
     const text = !of
       ? ""
       : word("kind") === "wave"
-        ? `${of.views} of ${of.enoughViews} pictures of it moving, in ${of.image} % of the picture (${of.enoughImage} wanted); ${of.now}`
-        : `${of.views} of ${of.enoughViews} views, ${of.image} % of the picture (${of.enoughImage} wanted), ${of.tilts} of 5 tilts; ${of.now}`;
-    figure.querySelector("span")!.textContent = text;
-    figure.querySelector("canvas")!.setAttribute("aria-label", `${figure.dataset.camera}: ${text}`);
+        ? `${of.views} of ${of.enoughViews} pictures of it moving, in ${of.image} % of the picture (${of.enoughImage} wanted)`
+        : `${of.views} of ${of.enoughViews} views, ${of.image} % of the picture (${of.enoughImage} wanted), ${of.tilts} of 5 tilts`;
+    item.querySelector("p")!.textContent = text;
+    item.querySelector(".chip")!.textContent = of?.now ?? "";
   }
-  drawCalibration();
 }
 
-// Each camera's picture with the detected corners of the board, or positions of the ball.
-export function drawCalibration(): void {
-  if (panel.hidden) return;
-  for (const figure of $("calibrate-pictures").children as unknown as HTMLElement[]) {
-    const canvas = figure.querySelector("canvas")!;
-    drawLive(canvas, figure.dataset.camera!);
-    const parts = coverage.get(figure.dataset.camera!)?.parts;
-    if (!parts) continue;
-    const g = canvas.getContext("2d")!;
-    const [w, h] = [canvas.width / columns, canvas.height / rows];
-    for (let i = 0; i < parts.length; i++) {
-      const [x, y] = [(i % columns) * w, Math.floor(i / columns) * h];
-      g.fillStyle = parts[i] > 0 ? "rgb(40 200 90 / 0.3)" : "rgb(0 0 0 / 0.25)";
-      g.fillRect(x, y, w, h);
-      g.strokeStyle = "rgb(255 255 255 / 0.45)";
-      g.lineWidth = 1;
-      g.strokeRect(x + 0.5, y + 0.5, w - 1, h - 1);
-    }
+// The parts of the picture in which corners, or the moving object, were seen.
+function paintCoverage(camera: string, { g, at, scale }: Placed): void {
+  const of = coverage.get(camera);
+  const size = store.scene?.cameras.find((c) => c.name === camera)?.size;
+  if (!of || !size) return;
+  const [w, h] = [(size[0] / columns) * scale, (size[1] / rows) * scale];
+  const [left, top] = at(-0.5, -0.5);
+  for (let i = 0; i < of.parts.length; i++) {
+    const [x, y] = [left + (i % columns) * w, top + Math.floor(i / columns) * h];
+    g.fillStyle = of.parts[i] > 0 ? "rgb(40 200 90 / 0.3)" : "rgb(0 0 0 / 0.25)";
+    g.fillRect(x, y, w, h);
+    g.strokeStyle = "rgb(255 255 255 / 0.45)";
+    g.lineWidth = 1;
+    g.strokeRect(x + 0.5, y + 0.5, w - 1, h - 1);
   }
 }
 
 async function act(...words: string[]): Promise<ControlReply> {
-  for (const button of panel.querySelectorAll("button")) button.disabled = true;
-  const reply = await ask("calibrate", ...words);
-  for (const button of panel.querySelectorAll<HTMLButtonElement>("button:not([data-history])")) button.disabled = false;
-  say(reply.reason, !reply.granted);
+  isActing = true;
+  show();
+  const reply = await askAloud($("calibrate-says"), "calibrate", ...words);
+  isActing = false;
   void updateHistory();
   await look();
   return reply;
@@ -300,41 +330,33 @@ export function updateCalibration(serving: boolean): void {
     say("");
   }
   const isLive = serving && store.status?.mode === "run";
-  const period = !panel.hidden || isBusy() ? askEvery * 0.9 : askRarely;
-  if (isLive && !isAsking && performance.now() - asked >= period && !document.hidden && (!panel.hidden || isBusy() || !isHidden(section))) void look();
-  $<HTMLButtonElement>("calibrate-open").disabled = panel.hidden && (!isLive || !state);
-  $("calibrate-why").textContent = !serving || !store.scene ? "" : !isLive ? "A recording is not calibrated here: huetrack-calibrate does." : why;
-  if (!panel.hidden) show();
+  const period = isOpen("calibrate") || isBusy() ? askEvery * 0.9 : askRarely;
+  if (isLive && !isAsking && performance.now() - asked >= period && !document.hidden) void look();
+  const isRunning = isBusy() && word("state") !== "idle";
+  $("calibrate-open").toggleAttribute("data-lamp", isRunning);
+  refuse("calibrate", !serving || !store.scene ? "No service is connected." : !isLive ? "A recording is not calibrated on this page." : why);
+  if (isOpen("calibrate")) show();
 }
 
-function open(): void {
-  panel.hidden = false;
-  $("calibrate-open").setAttribute("aria-expanded", "true");
-  void updateHistory();
-  void look();
+// From the first steps and the warnings.
+export function openCalibration(what: "board" | "wave" | "" = ""): void {
+  const choice = document.querySelector<HTMLInputElement>(`input[name=calibrate-kind][value=${what || "board"}]`)!;
+  if (what && !choice.disabled) choice.checked = true;
+  showTool("calibrate");
 }
 
-function close(): void {
-  panel.hidden = true;
-  makePictures();
-  $("calibrate-open").setAttribute("aria-expanded", "false");
-}
-
-// From the first steps.
-export function openCalibration(): void {
-  if (isServing()) open();
-  section.scrollIntoView({ behavior: "smooth", block: "start" });
-}
-
+onTool("calibrate", {
+  opened: () => {
+    void updateHistory();
+    show();
+    void look();
+  },
+  closed: listCameras,
+});
 recall();
 showSizes();
-$("calibrate-open").addEventListener("click", () => (panel.hidden ? open() : close()));
-$("calibrate-close").addEventListener("click", () => {
-  close();
-  $("calibrate-open").focus();
-});
 for (const input of document.querySelectorAll("input[name=calibrate-kind]")) input.addEventListener("change", show);
-field("type").addEventListener("change", showSizes);
+for (const id of ["type", "square_mm", "marker_mm"]) field(id).addEventListener("input", showSizes);
 $("calibrate-start").addEventListener("click", () => void act("board", ...boardWords()));
 $("calibrate-last").addEventListener("click", () => void act("wave", field("target").value, ...distanceWords()));
 $("calibrate-from-now").addEventListener("click", () => void act("wave", field("target").value, field("seconds").value, ...distanceWords()));
@@ -345,4 +367,3 @@ $("calibrate-stop").addEventListener("click", () => void act("stop"));
 $("calibrate-cancel").addEventListener("click", () => void act("cancel"));
 $("calibrate-accept").addEventListener("click", () => void accept());
 whenStepped("calibrate", (reply) => say(reply.reason, !reply.granted));
-watchVisibility(section, () => updateCalibration(isServing()));

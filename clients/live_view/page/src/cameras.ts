@@ -3,8 +3,29 @@ import { colorOf, ringColorOf } from "./color";
 import { Labels, type Labelled } from "./labels";
 import type { CameraStatus, Color, Preview } from "./messages";
 import { save } from "./save";
+import { remember, setting } from "./settings";
+import { forPictures, openTool } from "./shell";
 import { isHidden, watchVisibility } from "./visibility";
 import { store, targetOf } from "./store";
+
+// What a tool draws on a camera's picture, or in its place. Pixels are those of the camera's image.
+export interface Placed {
+  g: CanvasRenderingContext2D;
+  at: (u: number, v: number) => [number, number]; // the middle of a pixel on the canvas
+  scale: number; // canvas pixels to one of the image
+  line: number; // width of a thin line
+  draw: (source: CanvasImageSource & { width: number }, alpha: number) => void; // a picture of the whole image
+}
+export interface Layer {
+  frozen?: { image: ImageBitmap; size: [number, number] }; // in place of the live picture
+  paint?: (on: Placed) => void;
+  point?: (pixel: [number, number]) => void; // a click; without it a click enlarges
+  drags?: () => boolean; // a drag is the tool's, not a move of a magnified picture
+  drag?: (from: [number, number], to: [number, number], isEnd: boolean) => void;
+  key?: (event: KeyboardEvent) => void;
+  label?: string; // for screen readers
+}
+const layers = new Map<string, Layer>();
 
 interface View {
   camera: string;
@@ -23,11 +44,12 @@ interface View {
   middle: [number, number]; // of what is shown, pixels of the camera's image
   pointers: Map<number, [number, number]>; // that are down on it, CSS pixels
   isDragged: boolean; // since the first of them went down
+  pressed: [number, number] | null; // pixel where a drag of the tool began
 }
 
 const views = new Map<string, View>();
 const grid = document.getElementById("cameras")!;
-const main = document.getElementById("main")!;
+const stage = document.getElementById("stage")!;
 let large = ""; // the camera that is shown large; empty: none
 const mostZoom = 16;
 
@@ -44,8 +66,8 @@ function viewOf(camera: string): View {
   const card = document.createElement("figure");
   card.className = "camera";
   card.innerHTML =
-    `<figcaption><b></b><span class="chip"></span><button type="button" class="keep">⤓</button><button type="button" class="enlarge" aria-pressed="false"></button></figcaption>` +
-    `<canvas role="img"></canvas><p class="awaited"></p><p class="note" hidden></p><p class="note how">The wheel or two fingers zoom, dragging moves; keys + − 0 and arrows do, too. Esc makes it small.</p>`;
+    `<figcaption><b></b><span class="chip"></span><button type="button" class="keep"><svg viewBox="0 0 24 24" aria-hidden="true"><path d="M12 4v11M7 11l5 5 5-5M5 20h14"/></svg></button><button type="button" class="enlarge" aria-pressed="false"></button></figcaption>` +
+    `<canvas role="img"></canvas><p class="awaited"></p><p class="note" hidden></p>`;
   card.querySelector("b")!.textContent = camera;
   const view: View = {
     camera,
@@ -64,16 +86,19 @@ function viewOf(camera: string): View {
     middle: [0, 0],
     pointers: new Map(),
     isDragged: false,
+    pressed: null,
   };
   view.button.id = `enlarge-${camera}`;
-  view.button.textContent = "⤢";
+  view.button.innerHTML = `<svg viewBox="0 0 24 24" aria-hidden="true"><path d="M9 4H4v5M15 20h5v-5M4 4l6 6M20 20l-6-6"/></svg>`;
   view.button.setAttribute("aria-label", `Show ${camera} large`);
+  view.button.title = "Large. The wheel or two fingers zoom, dragging moves";
   const keep = card.querySelector(".keep")!;
   keep.id = `keep-${camera}`;
   keep.setAttribute("aria-label", `Save the picture of ${camera}`);
   keep.setAttribute("title", "Save this picture");
   keep.addEventListener("click", () => view.canvas.toBlob((blob) => blob && save(blob, `${camera}-${view.preview?.set ?? 0}.png`)));
   view.canvas.setAttribute("aria-label", `Camera ${camera}: no picture yet`);
+  view.canvas.dataset.camera = camera;
   shape(view, store.scene?.cameras.find((c) => c.name === camera)?.size ?? [4, 3]);
   attach(view);
   resizes.observe(view.canvas);
@@ -105,12 +130,48 @@ function enlarge(camera: string): void {
     view.button.setAttribute("aria-label", `Show ${view.camera} ${isLarge ? "small again" : "large"}`);
     if (!isLarge) view.zoom = 1;
   }
+  // The plots give their room to it.
+  document.body.toggleAttribute("data-large", large !== "");
   arrange();
   redrawCameras();
-  views.get(large)?.card.scrollIntoView({ block: "nearest" });
 }
 
-const sizeOf = (view: View): [number, number] => view.preview?.image ?? [view.canvas.width, view.canvas.height];
+const sizeOf = (view: View): [number, number] => layers.get(view.camera)?.frozen?.size ?? view.preview?.image ?? [view.canvas.width, view.canvas.height];
+
+// The pixel of the camera's image under a place of the window.
+function pixelAt(view: View, x: number, y: number): [number, number] {
+  const r = view.canvas.getBoundingClientRect();
+  const size = sizeOf(view);
+  const corner = cornerOf(view);
+  return [0, 1].map((i) => {
+    const share = ([x, y][i] - [r.left, r.top][i]) / [r.width, r.height][i];
+    return Math.min(size[i] - 1, Math.max(0, Math.round(corner[i] + (share * size[i]) / view.zoom - 0.5)));
+  }) as [number, number];
+}
+
+// Draws a tool's layer on a camera's picture; null: none any more.
+export function setLayer(camera: string, layer: Layer | null): void {
+  const view = views.get(camera);
+  if (layer) layers.set(camera, layer);
+  else layers.delete(camera);
+  if (!view) return;
+  view.card.classList.toggle("frozen", !!layer?.point || !!layer?.drags);
+  view.canvas.setAttribute("role", layer?.key ? "application" : "img");
+  if (layer?.key) view.canvas.tabIndex = 0;
+  else view.canvas.removeAttribute("tabindex");
+  if (layer?.label) view.canvas.setAttribute("aria-label", layer.label);
+  draw(view);
+}
+export const clearLayers = () => [...layers.keys()].forEach((camera) => setLayer(camera, null));
+export function redrawLayer(camera: string): void {
+  const view = views.get(camera);
+  if (view) draw(view);
+}
+// Marks a camera among the others; empty: none.
+export function choose(camera: string): void {
+  for (const view of views.values()) view.card.classList.toggle("chosen", view.camera === camera);
+}
+export const hasFocus = (camera: string) => document.activeElement === views.get(camera)?.canvas;
 
 // The left and upper edge of what is shown, pixels of the camera's image.
 function cornerOf(view: View): [number, number] {
@@ -148,11 +209,14 @@ function attach(view: View): void {
   const { canvas, pointers } = view;
   const toggle = () => enlarge(large === view.camera ? "" : view.camera);
   view.button.addEventListener("click", toggle);
-  // The wheel is the page's, but over the large picture, or with Ctrl.
+  canvas.addEventListener("keydown", (event) => layers.get(view.camera)?.key?.(event));
+  canvas.addEventListener("blur", () => layers.has(view.camera) && draw(view));
+  // The wheel zooms, unless it scrolls through more cameras than fit.
   canvas.addEventListener(
     "wheel",
     (event) => {
-      if (large !== view.camera && !event.ctrlKey) return;
+      const scrolls = grid.scrollHeight > grid.clientHeight + 1;
+      if (scrolls && large !== view.camera && !layers.has(view.camera) && !event.ctrlKey) return;
       event.preventDefault();
       zoomAt(view, event.clientX, event.clientY, Math.exp(-event.deltaY * (event.deltaMode === 1 ? 0.05 : 0.0015)));
     },
@@ -161,6 +225,10 @@ function attach(view: View): void {
   canvas.addEventListener("pointerdown", (event) => {
     if (!pointers.size) view.isDragged = false;
     pointers.set(event.pointerId, [event.clientX, event.clientY]);
+    view.pressed = null;
+    if (pointers.size > 1 || !layers.get(view.camera)?.drags?.()) return;
+    view.pressed = pixelAt(view, event.clientX, event.clientY);
+    canvas.setPointerCapture(event.pointerId);
   });
   canvas.addEventListener("pointermove", (event) => {
     const before = pointers.get(event.pointerId);
@@ -171,21 +239,37 @@ function attach(view: View): void {
       const distance = (p: [number, number]) => Math.max(1, Math.hypot(p[0] - other[0], p[1] - other[1]));
       zoomAt(view, (now[0] + other[0]) / 2, (now[1] + other[1]) / 2, distance(now) / distance(before));
       view.isDragged = true;
+    } else if (view.pressed) {
+      view.isDragged = true;
+      layers.get(view.camera)?.drag?.(view.pressed, pixelAt(view, ...now), false);
     } else if (view.zoom > 1) {
       if (!view.isDragged && Math.hypot(now[0] - before[0], now[1] - before[1]) < 4) return; // tremor
       if (!canvas.hasPointerCapture(event.pointerId)) canvas.setPointerCapture(event.pointerId);
       view.isDragged = true;
       move(view, now[0] - before[0], now[1] - before[1]);
+    } else if (!view.isDragged) {
+      // A swipe is no click; a finger trembles by some pixels.
+      view.isDragged = Math.hypot(now[0] - before[0], now[1] - before[1]) > 8;
+      if (!view.isDragged) return;
     }
     pointers.set(event.pointerId, now);
+  });
+  canvas.addEventListener("pointerup", (event) => {
+    if (view.pressed) layers.get(view.camera)?.drag?.(view.pressed, pixelAt(view, event.clientX, event.clientY), true);
+    view.pressed = null;
   });
   for (const name of ["pointerup", "pointercancel", "pointerleave"] as const)
     canvas.addEventListener(name, (event) => {
       if (name !== "pointerleave" || !canvas.hasPointerCapture(event.pointerId)) pointers.delete(event.pointerId);
     });
-  canvas.addEventListener("click", () => {
-    if (!view.isDragged) toggle();
-    view.isDragged = false;
+  canvas.addEventListener("click", (event) => {
+    const layer = layers.get(view.camera);
+    if (view.isDragged) {
+      view.isDragged = false;
+      return;
+    }
+    if (layer?.point) layer.point(pixelAt(view, event.clientX, event.clientY));
+    else if (!layer?.drags?.()) toggle();
   });
   view.button.addEventListener("keydown", (event) => {
     if (large !== view.camera) return;
@@ -201,7 +285,7 @@ function attach(view: View): void {
   });
 }
 addEventListener("keydown", (event) => {
-  if (event.key === "Escape" && large) enlarge("");
+  if (event.key === "Escape" && large && !event.defaultPrevented) enlarge("");
 });
 
 // Pictures that arrive during a decoding replace each other: a slow page shows fewer, not later ones. Invisible ones are decoded
@@ -209,59 +293,12 @@ addEventListener("keydown", (event) => {
 export async function showPreview(preview: Preview): Promise<void> {
   const view = viewOf(preview.camera);
   view.next = preview;
-  if (!view.decoding && (!isHidden(view.canvas) || followed.has(preview.camera))) await decode(view);
+  if (!view.decoding && !isHidden(view.canvas)) await decode(view);
 }
 
 // Requested once a second where the brightness of invisible pictures is shown.
 export function decodeAwaited(): void {
   for (const view of views.values()) if (view.next && !view.decoding) void decode(view);
-}
-
-// Cameras that are shown elsewhere on the page, too: their pictures are decoded wherever they stand.
-let followed = new Set<string>();
-export function follow(cameras: string[]): void {
-  followed = new Set(cameras);
-}
-
-// A figure for each of these cameras: a canvas, its name in bold, and a span for a panel's text. False: they exist already.
-export function liveFigures(grid: HTMLElement, cameras: string[]): boolean {
-  if ([...grid.children].map((figure) => (figure as HTMLElement).dataset.camera).join("\n") === cameras.join("\n")) return false;
-  grid.replaceChildren(
-    ...cameras.map((camera) => {
-      const figure = document.createElement("figure");
-      figure.dataset.camera = camera;
-      figure.innerHTML = `<canvas role="img"></canvas><figcaption><b></b> <span></span></figcaption>`;
-      figure.querySelector("b")!.textContent = camera;
-      return figure;
-    }),
-  );
-  return true;
-}
-
-// A camera's picture as it is now, with what matches where that is asked for (showLiveMasks()), and the ring that is changed.
-export function drawLive(canvas: HTMLCanvasElement, camera: string): void {
-  const view = views.get(camera);
-  if (!view?.image || !view.preview) return;
-  const { image, preview } = view;
-  if (canvas.width !== image.width || canvas.height !== image.height) [canvas.width, canvas.height] = [image.width, image.height];
-  const g = canvas.getContext("2d")!;
-  g.drawImage(image, 0, 0);
-  const looked = liveMask?.get(camera);
-  if (!looked) return;
-  g.globalAlpha = 0.75;
-  g.drawImage(maskOf(image, looked, preview.image[0]), 0, 0);
-  g.globalAlpha = 1;
-  const scale = image.width / preview.image[0];
-  for (const { target, px, radius } of preview.targets) {
-    if (targetOf(target, [changedRing.target]) !== changedRing.target || px[0] === null || px[1] === null) continue;
-    for (const [width, style] of [[3, "rgb(0 0 0 / 0.7)"], [1.5, "white"]] as const) {
-      g.lineWidth = width;
-      g.strokeStyle = style;
-      g.beginPath();
-      g.arc((px[0] + 0.5) * scale, (px[1] + 0.5) * scale, Math.max(2, (radius ?? 0) * changedRing.factor * scale), 0, 2 * Math.PI);
-      g.stroke();
-    }
-  }
 }
 
 let newPictureListener = () => {};
@@ -283,7 +320,7 @@ async function decode(view: View): Promise<void> {
       view.image = image;
       view.preview = current;
       view.awaited.hidden = true;
-      shape(view, current.image);
+      if (!layers.get(view.camera)?.frozen) shape(view, current.image);
       view.isNew = true;
       newPictureListener();
     }
@@ -354,16 +391,50 @@ function maskOf(image: ImageBitmap, { color, ignored }: LiveMask, imageWidth: nu
 
 // Everything in pixels of the camera's image; the canvas is scaled so that lines stay thin on any size.
 function draw(view: View): void {
+  view.isNew = false;
+  const layer = layers.get(view.camera);
+  if (layer?.frozen) drawFrozen(view, layer, layer.frozen);
+  else drawLive(view);
+}
+
+// The canvas as large as it is shown, for an image of this size.
+function fitted(canvas: HTMLCanvasElement, size: [number, number], otherwise: number): CanvasRenderingContext2D {
+  const width = Math.max(160, Math.round(canvas.clientWidth * devicePixelRatio)) || otherwise;
+  const height = Math.round((width * size[1]) / size[0]);
+  if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
+  return canvas.getContext("2d")!;
+}
+
+function placed(view: View, g: CanvasRenderingContext2D): Placed {
+  const size = sizeOf(view);
+  const corner = cornerOf(view);
+  const scale = (g.canvas.width / size[0]) * view.zoom;
+  return {
+    g,
+    scale,
+    line: Math.max(1.2, 1.4 * devicePixelRatio),
+    at: (u, v) => [(u + 0.5 - corner[0]) * scale, (v + 0.5 - corner[1]) * scale],
+    draw: (source, alpha) => {
+      const part = source.width / size[0];
+      g.globalAlpha = alpha;
+      g.drawImage(source, corner[0] * part, corner[1] * part, (size[0] * part) / view.zoom, (size[1] * part) / view.zoom, 0, 0, g.canvas.width, g.canvas.height);
+      g.globalAlpha = 1;
+    },
+  };
+}
+
+function drawFrozen(view: View, layer: Layer, { image, size }: NonNullable<Layer["frozen"]>): void {
+  shape(view, size);
+  const on = placed(view, fitted(view.canvas, size, image.width));
+  on.draw(image, 1);
+  layer.paint?.(on);
+}
+
+function drawLive(view: View): void {
   const { preview, image, canvas } = view;
   if (!preview || !image) return;
-  view.isNew = false;
-  const width = Math.max(160, Math.round(canvas.clientWidth * devicePixelRatio)) || preview.size[0];
-  const height = Math.round((width * preview.image[1]) / preview.image[0]);
-  if (canvas.width !== width || canvas.height !== height) {
-    canvas.width = width;
-    canvas.height = height;
-  }
-  const g = canvas.getContext("2d")!;
+  const g = fitted(canvas, preview.image, preview.size[0]);
+  const { width, height } = canvas;
   const corner = cornerOf(view);
   const s = (width / preview.image[0]) * view.zoom;
   const shown = (source: ImageBitmap | HTMLCanvasElement) => {
@@ -446,7 +517,9 @@ function draw(view: View): void {
   for (const one of named) labels.add(one);
   const wanted = preview.targets.find((t) => t.target === magnified && t.state !== "left_out" && t.px[0] !== null && t.px[1] !== null);
   if (wanted) drawMagnifier(g, image, preview, wanted, named);
-  canvas.setAttribute("aria-label", `Camera ${preview.camera}: ${seen.join("; ") || "no target in view"}`);
+  const layer = layers.get(view.camera);
+  layer?.paint?.(placed(view, g));
+  canvas.setAttribute("aria-label", layer?.label ?? `Camera ${preview.camera}: ${seen.join("; ") || "no target in view"}`);
 }
 
 const healthWords = {
@@ -467,6 +540,18 @@ export function slowness(camera: CameraStatus): string {
   const best = cameras.reduce((a, b) => (b.rate_hz > a.rate_hz ? b : a), camera);
   // Cameras of one rig may be twice as fast as others, not three times.
   return camera.rate_hz < 0.4 * best.rate_hz ? `only ${camera.rate_hz.toFixed(1)} frames a second, where ${best.name} gives ${best.rate_hz.toFixed(1)}` : "";
+}
+
+// The mean colour around a pixel of the camera's newest picture, 0 to 255; null: there is none.
+export function colorAt(camera: string, [u, v]: [number, number]): [number, number, number] | null {
+  const view = views.get(camera);
+  if (!view?.image || !view.preview) return null;
+  const scale = view.image.width / view.preview.image[0];
+  const side = 3; // pixels of the preview
+  const patch = Object.assign(document.createElement("canvas"), { width: side, height: side }).getContext("2d", { willReadFrequently: true })!;
+  patch.drawImage(view.image, Math.round((u + 0.5) * scale - side / 2), Math.round((v + 0.5) * scale - side / 2), side, side, 0, 0, side, side);
+  const { data } = patch.getImageData(0, 0, side, side);
+  return [0, 1, 2].map((c) => data.reduce((sum, value, i) => (i % 4 === c ? sum + value : sum), 0) / side ** 2) as [number, number, number];
 }
 
 // ---- How bright a picture is: of intensities, shares of the picture.
@@ -500,10 +585,11 @@ export function lightOf(camera: string): Light | null {
 // ---- The magnifier: what is around the object, in the corner that is farthest from it.
 const magnifierShare = 0.38; // of the picture's shorter side
 const magnifierRadii = 2.2; // of the object, from its middle to the magnifier's edge
-let magnified = ""; // the target; empty: none
+let magnified = setting("magnify", ""); // the target; empty: none
 const magnify = document.getElementById("magnify") as HTMLSelectElement;
 magnify.addEventListener("change", () => {
   magnified = magnify.value;
+  remember("magnify", magnified);
   redrawCameras();
 });
 function updateMagnifier(): void {
@@ -570,10 +656,8 @@ export function updateCameras(serving: boolean): void {
             : "begins"
         : healthWords[health] ?? health;
     view.health.dataset.health = isHeld ? "held" : slow ? "stalled" : health;
-    const troubles = isHeld ? [] : [camera.message, slow];
-    if (camera.dropped) troubles.push(`${camera.dropped} of ${camera.frames + camera.dropped} frames dropped`);
-    if (camera.corrupted) troubles.push(`${camera.corrupted} damaged`);
-    const text = troubles.filter(Boolean).join("; ");
+    // What goes on now; counts since the start are under Health.
+    const text = isHeld ? "" : [camera.message, slow].filter(Boolean).join("; ");
     view.note.textContent = text;
     view.note.hidden = !text;
     view.card.classList.toggle("stale", !serving || (health !== "delivering" && !isHeld));
@@ -595,21 +679,77 @@ export function updateCameras(serving: boolean): void {
     if (status && !status.cameras.some((c) => c.name === name)) {
       view.card.remove();
       views.delete(name);
-      if (large === name) large = "";
+      layers.delete(name);
+      if (large === name) enlarge("");
     }
   }
-  arrange();
+  const now = [...views.values()].map((view) => `${view.camera} ${ratioOf(view)}`).join() + large;
+  if (now !== arranged) arrange();
+  arranged = now;
+}
+let arranged = ""; // with these cameras
+
+// ---- The stage: as large pictures as there is room for, beside the scene or above it.
+const [gap, caption] = [10, 26]; // CSS pixels: page.css
+interface Fit {
+  columns: number;
+  tallest: number; // of a picture, CSS pixels
+  area: number;
+}
+// The columns in which pictures of these proportions become largest in a box.
+function fitInto(ratios: number[], width: number, height: number): Fit {
+  let best: Fit = { columns: 1, tallest: 0, area: -1 };
+  for (let columns = 1; columns <= Math.max(1, ratios.length); columns++) {
+    const rows = Math.ceil(ratios.length / columns);
+    const tallest = Math.max(60, (height - gap * (rows - 1)) / rows - caption); // below it nothing can be seen: it scrolls
+    const wide = (width - gap * (columns - 1)) / columns;
+    const area = ratios.reduce((sum, ratio) => sum + Math.min(wide, tallest * ratio) ** 2 / ratio, 0);
+    if (area > best.area + 1) best = { columns, tallest, area };
+  }
+  return best;
 }
 
-// Columns without a hole; next to the scene if there is room.
-function arrange(): void {
-  const count = views.size;
-  const isTall = [...views.values()].every((view) => Number(view.card.style.getPropertyValue("--ratio")) < 1);
-  const isRow = large !== "" || (isTall ? count > 4 : count === 3 || count > 4);
-  const columns = isTall ? (count <= 4 ? count : Math.ceil(count / Math.ceil(count / 6))) : count === 3 || count === 5 || count === 6 ? 3 : count > 4 ? 4 : Math.min(2, count);
-  if (main.dataset.cameras !== (isRow ? "row" : "beside")) main.dataset.cameras = isRow ? "row" : "beside";
-  grid.style.setProperty("--columns", String(large !== "" ? Math.max(4, Math.min(count - 1, 6)) : columns));
-  grid.classList.toggle("has-large", large !== "");
+const ratioOf = (view: View) => Number(view.card.style.getPropertyValue("--ratio")) || 4 / 3;
+
+// The largest share of the stage's height for pictures that stand above the scene; the scene needs the rest.
+const viewsShare = () => (isNarrow() ? 0.42 : forPictures.includes(openTool()) || large ? 0.68 : 0.56);
+
+const isNarrow = () => matchMedia("(max-width: 760px)").matches;
+
+export function arrange(): void {
+  const all = [...views.values()];
+  const [width, height] = [stage.clientWidth - 20, stage.clientHeight - 20];
+  if (width <= 0 || height <= 0) return;
+  const ratios = large ? [ratioOf(views.get(large)!)] : all.map(ratioOf);
+  const chrome = 56; // of a panel: its title and its edges
+  const beside = fitInto(ratios, width - Math.min(560, Math.max(290, width * 0.35)) - gap - 24, height - chrome);
+  const above = fitInto(ratios, width - 24, height * viewsShare() - chrome);
+  const isRow = !isNarrow() && above.area > beside.area;
+  const how = isRow ? "row" : "beside";
+  if (stage.dataset.cameras !== how) stage.dataset.cameras = how;
+  // Above the scene no higher than they are: what is left over is the scene's.
+  const share = `${height * viewsShare()}px`;
+  const rows = Math.ceil(ratios.length / above.columns);
+  const wide = (width - 24 - gap * (above.columns - 1)) / above.columns;
+  const tallest = Math.max(...ratios.map((ratio) => Math.min(above.tallest, wide / ratio)));
+  const needed = `${Math.ceil(chrome + 2 + rows * (tallest + caption) + gap * (rows - 1))}px`;
+  stage.style.setProperty("--views", large || !ratios.length ? share : `min(${share}, ${needed})`);
+  // Now measured: what the style sheet gave.
+  const [w, h] = [grid.clientWidth, grid.clientHeight];
+  if (!large) {
+    const fit = fitInto(all.map(ratioOf), w, h);
+    const wide = (w - gap * (fit.columns - 1)) / fit.columns;
+    grid.style.setProperty("--columns", String(fit.columns));
+    grid.style.setProperty("--wide", `${Math.min(wide, fit.tallest * Math.max(...all.map(ratioOf)))}px`);
+    for (const view of all) view.card.style.setProperty("--tallest", `${fit.tallest}px`);
+    return;
+  }
+  // One large, the others small in a row under it.
+  const others = all.length - 1;
+  const small = others ? Math.min(90, h * 0.2) : 0;
+  grid.style.setProperty("--columns", String(Math.max(1, others)));
+  grid.style.setProperty("--wide", "1fr");
+  for (const view of all) view.card.style.setProperty("--tallest", `${view.camera === large ? h - caption - (others ? small + caption + gap : 0) : small}px`);
 }
 
 // Removes the pictures of another service.
@@ -617,6 +757,7 @@ export function forgetPictures(): void {
   for (const view of views.values()) view.card.remove();
   views.clear();
   large = "";
+  document.body.removeAttribute("data-large");
   arrange();
   document.getElementById("no-cameras")!.hidden = false;
 }

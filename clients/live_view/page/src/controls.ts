@@ -1,9 +1,11 @@
 // The cameras' controls with the picture and its brightness. A change applies at once; Save writes it beside the configuration.
-import { drawLive, follow, lightOf } from "./cameras";
-import { ask } from "./control";
+import { choose, lightOf } from "./cameras";
+import { ask, say as sayIn } from "./control";
+import { enable } from "./hints";
 import { updateHistory, whenStepped } from "./history";
 import { drawLight } from "./light";
-import { mayChange, store } from "./store";
+import { isOpen, onTool, refuse, show } from "./shell";
+import { isServing, mayChange, serviceOf, store } from "./store";
 
 const $ = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 
@@ -22,21 +24,27 @@ interface Control {
 const first = [/^(auto_)?exposure(?!_.*metering)/, /gain/, /white_balance/, /power_line/, /brightness|contrast|saturation|hue|gamma/];
 const rank = (name: string) => first.findIndex((kind) => kind.test(name)) + (first.some((kind) => kind.test(name)) ? 0 : first.length + 1);
 
-const panel = $("controls-panel");
 const camera = () => $<HTMLSelectElement>("controls-camera").value;
 let changed = new Map<string, number>(); // since it was opened or saved, of this camera
 let wanted: { name: string; value: number } | null = null; // the latest change that is not sent yet
 let isSending = false;
 
-function say(text: string, isBad = false): void {
-  $("controls-says").textContent = text;
-  $("controls-says").classList.toggle("bad", isBad);
+const say = (text: string, isBad = false) => sayIn($("controls-says"), text, isBad);
+
+// ---- Cameras with controls that are reachable from here: none of a network or of another host.
+let reachable: Set<string> | null = null; // null: not known yet
+let askedOf = ""; // which service
+export const hasControls = (name: string) => reachable === null || reachable.has(name);
+async function learnReachable(): Promise<void> {
+  const reply = await ask("camera", "list");
+  reachable = reply.granted ? new Set(reply.rows.filter(([, how]) => how === "reached").map(([name]) => name)) : null;
 }
 
-async function read(): Promise<void> {
+async function read(isQuiet = false): Promise<void> {
   const asking = camera();
   const reply = await ask("camera", "controls", asking);
   if (asking !== camera()) return;
+  if (!isQuiet) say("");
   if (!reply.granted) {
     $("controls-list").replaceChildren();
     return say(reply.reason, true);
@@ -62,7 +70,7 @@ function row(control: Control): HTMLElement {
   const title = document.createElement("b");
   title.textContent = control.name.replaceAll("_", " ");
   const says = document.createElement("span");
-  const text = () => (control.ruled ? `${control.value}, ${control.ruled}` : control.kind === "number" ? String(control.value) : "");
+  const text = () => (control.ruled ? `${control.value}, ${control.ruled === "ruled by another" ? "set by its automatic" : control.ruled}` : control.kind === "number" ? String(control.value) : "");
   says.textContent = text();
   const move = (value: number) => {
     control.value = value;
@@ -102,28 +110,28 @@ async function set(what: { name: string; value: number }): Promise<void> {
     say(reply.granted ? "Set, and not saved yet." : reply.reason, !reply.granted);
     if (!reply.granted) changed.delete(name);
     // An automatic control changes those that it rules.
-    if (!wanted && (!reply.granted || /auto|exposure|white_balance|focus/.test(name))) await read();
+    if (!wanted && (!reply.granted || /auto|exposure|white_balance|focus/.test(name))) await read(true);
   }
   isSending = false;
   update();
 }
 
 async function save(): Promise<void> {
+  sayIn($("controls-says"), "Saving…", false, true);
   const reply = await ask("camera", "save", camera(), ...[...changed].map(([name, value]) => `${name}=${value}`));
   say(reply.reason, !reply.granted);
   if (reply.granted) changed = new Map();
   void updateHistory();
-  await read();
+  await read(true);
 }
 
 function update(): void {
-  $<HTMLButtonElement>("controls-save").disabled = !changed.size || isSending;
+  enable($("controls-save"), isSending ? "wait for the camera" : changed.size ? "" : "nothing is changed");
 }
 
-// With the page's cards: the picture as it is now, and its light.
+// The light of the chosen camera's picture, which is marked among the large ones.
 export function drawControls(): void {
-  if (panel.hidden) return;
-  drawLive($<HTMLCanvasElement>("controls-picture"), camera());
+  if (!isOpen("controls")) return;
   const light = lightOf(camera());
   if (!light) return;
   drawLight($<HTMLCanvasElement>("controls-light"), camera(), light);
@@ -133,55 +141,62 @@ export function drawControls(): void {
 
 function fill(): void {
   changed = new Map();
-  follow([camera()]);
-  say("");
+  choose(camera());
+  $("controls-list").replaceChildren();
+  sayIn($("controls-says"), "Reading the camera's controls…", false, true);
   void read();
 }
 
-function close(): void {
-  panel.hidden = true;
-  follow([]);
-  $("controls-open").setAttribute("aria-expanded", "false");
+function whyNot(serving: boolean): string {
+  const { scene, status } = store;
+  if (!serving || !scene) return "No service is connected.";
+  if (!mayChange()) return scene.why_not;
+  if (status?.mode !== "run") return "A recording's cameras have no controls.";
+  return reachable && !reachable.size ? "These cameras are on the network or on other hosts: they are set in their own programs." : "";
 }
 
 // Once a second.
 export function updateControls(serving: boolean): void {
   const { scene, status } = store;
-  const allowed = serving && mayChange() && status?.mode === "run";
-  $<HTMLButtonElement>("controls-open").disabled = !allowed && panel.hidden;
-  $("controls-why").textContent = !serving || !scene ? "" : !mayChange() ? scene.why_not : status?.mode !== "run" ? "A recording's cameras have no controls." : "";
-  const select = $<HTMLSelectElement>("controls-camera");
-  const names = scene?.cameras.map((c) => c.name) ?? [];
-  if ([...select.options].map((o) => o.value).join("\n") !== names.join("\n")) {
-    select.replaceChildren(...names.map((name) => new Option(name, name)));
-    if (!panel.hidden) fill();
+  const service = serving && scene && mayChange() && status?.mode === "run" ? serviceOf(scene) : "";
+  if (service !== askedOf) {
+    askedOf = service;
+    reachable = null;
+    if (service) void learnReachable();
   }
+  const was = panelIsRefused();
+  refuse("controls", whyNot(serving));
+  const select = $<HTMLSelectElement>("controls-camera");
+  const names = (scene?.cameras.map((c) => c.name) ?? []).filter(hasControls);
+  if ([...select.options].map((o) => o.value).join("\n") !== names.join("\n")) {
+    const chosen = select.value;
+    select.replaceChildren(...names.map((name) => new Option(name, name)));
+    if (names.includes(chosen)) select.value = chosen;
+    if (isOpen("controls") && select.value !== chosen && !panelIsRefused()) fill();
+  } else if (was && isOpen("controls") && !panelIsRefused()) fill();
   drawControls();
 }
+const panelIsRefused = () => $("controls-panel").hasAttribute("data-refused");
 
-function open(): void {
-  panel.hidden = false;
-  $("controls-open").setAttribute("aria-expanded", "true");
-  fill();
-  void updateHistory();
-}
-
-// From the first steps: the camera with a too dark or too bright picture.
+// From the first steps and the warnings: the camera with a too dark or too bright picture.
 export function openControls(name: string): void {
   $<HTMLSelectElement>("controls-camera").value = name;
-  open();
-  panel.scrollIntoView({ behavior: "smooth", block: "start" });
+  if (isOpen("controls")) fill();
+  else show("controls");
 }
 
-$("controls-open").addEventListener("click", () => (panel.hidden ? open() : close()));
-$("controls-close").addEventListener("click", () => {
-  close();
-  $("controls-open").focus();
+onTool("controls", {
+  opened: () => {
+    updateControls(isServing());
+    if (!panelIsRefused()) fill();
+    void updateHistory();
+  },
+  closed: () => choose(""),
 });
 whenStepped("controls", (reply) => {
   changed = new Map();
   say(reply.reason, !reply.granted);
-  setTimeout(() => void read(), 300); // the service has them set again
+  setTimeout(() => void read(true).then(() => say(reply.reason, !reply.granted)), 300); // the service has them set again
 });
 $("controls-camera").addEventListener("change", fill);
 $("controls-save").addEventListener("click", () => void save());

@@ -12,7 +12,8 @@ function show(reply: ControlReply): void {
   for (const button of buttons()) {
     const word = button.dataset.history as Word;
     const count = left[`${word}able`] ?? 0;
-    button.disabled = !count;
+    button.disabled = false;
+    button.hidden = !count; // nothing to undo: no button
     button.textContent = count > 1 ? `${words[word]} (${count})` : words[word];
     button.setAttribute("aria-label", word === "undo" ? `Undo the last save; ${count} can be undone` : `Redo the last undone save; ${count} can be redone`);
   }

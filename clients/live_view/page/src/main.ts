@@ -1,5 +1,5 @@
 // The page: receives the bridge's events into the store and shows it.
-import { drawNewPictures, forgetPictures, onNewPicture, redrawCameras, showPreview, slowness, updateCameras } from "./cameras";
+import { arrange, drawNewPictures, forgetPictures, onNewPicture, redrawCameras, showPreview, slowness, updateCameras } from "./cameras";
 import { colorOf } from "./color";
 import type { CameraMap, CameraMapPoint, CameraPose, CameraTimes, ControlReply, HostClocks, Position, Pulse, Scene, State, Status, TeachReply } from "./messages";
 import { drawPlots, isPaused, onPlotsChanged, plotPeriod, plotSpan, updatePlotTexts } from "./plots";
@@ -18,16 +18,20 @@ import {
   targetOf,
 } from "./store";
 import { drawAdjust, updateAdjust } from "./adjust";
-import { drawCalibration, updateCalibration } from "./calibrate";
+import { updateCalibration } from "./calibrate";
 import { drawControls, updateControls } from "./controls";
 import { takeControlReply } from "./control";
+import { updateCopyConfig } from "./copy_config";
+import { updateNotices } from "./notices";
 import { updatePlayback } from "./playback";
 import { updateRecordings } from "./recordings";
+import { remember, rememberChoice, setting } from "./settings";
+import { isOpen, onLayout, onTool, restore } from "./shell";
 import { updateSteps } from "./steps";
 import { takeSceneForTeaching, takeTeachReply, updateTeach } from "./teach";
 import { isHidden, watchVisibility } from "./visibility";
 
-const $ = (id: string) => document.getElementById(id)!;
+const $ = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 
 // ---- Drawing: only what is new and visible, at a bounded rate.
 interface Part {
@@ -91,11 +95,13 @@ function listen(): void {
   events = new EventSource(`/api/events?client=${client}`);
   const on = <T>(name: string, take: (message: T) => void) =>
     events!.addEventListener(name, (event) => {
+      if (name !== "pulse") store.lifeAt = performance.now(); // the pulse is the bridge's
       take(JSON.parse((event as MessageEvent<string>).data) as T);
     });
   events.onopen = () => {
     forget(); // the bridge repeats what it has
     store.connected = true;
+    store.connectedAt = performance.now();
     tick();
     renew(...parts);
   };
@@ -203,7 +209,11 @@ const radiusOf = (name: string) => {
 function issuesOf(latest: Position, sigma: number): Issue[] {
   const issues: Issue[] = [];
   if (latest.state !== "tracking") issues.push({ figure: "state", level: latest.state === "lost" ? "bad" : "warn", why: `${latest.state}: ${stateText[latest.state]}` });
-  if (Math.abs(latest.latency) < otherClock && latest.latency > lateLatency)
+  const isLate = Math.abs(latest.latency) < otherClock && latest.latency > lateLatency;
+  // A replay that is slowed or was paused falls behind its times, and nothing is wrong.
+  if (isLate && store.status?.mode !== "run")
+    issues.push({ figure: "latency", level: "warn", why: `the replay is ${latest.latency.toFixed(2)} s behind its own times: it was paused, is slowed, or the machine is busy` });
+  else if (isLate)
     issues.push({
       figure: "latency",
       level: latest.latency > uselessLatency ? "bad" : "warn",
@@ -263,6 +273,7 @@ function updateTargets(): void {
   const inOrder = [...store.targets.keys()].map(cardOf);
   if (inOrder.some((card, i) => list.children[i] !== card)) list.prepend(...inOrder);
   if (inOrder.length) $("no-targets").hidden = true;
+  if (inOrder.length !== fittedCount) fitTargets();
 }
 
 // For screen readers.
@@ -270,6 +281,27 @@ function announceState(name: string, state: State): void {
   if (announced.get(name) === state) return;
   if (announced.has(name)) $("news").textContent = `${name} is ${state}`;
   announced.set(name, state);
+}
+
+// As much of each card as lets all positions be seen at once: all figures, those in a line, none, or one line in all.
+const densities = ["full", "tight", "compact", "dense"];
+let fittedFor = "";
+let fittedCount = -1;
+let fittedAt = -Infinity;
+function fitTargets(): void {
+  const list = $("targets");
+  const stage = $("stage");
+  const now = [list.children.length, stage.clientWidth, stage.clientHeight, stage.dataset.cameras, stage.style.cssText, document.body.dataset.drawer].join();
+  // Fuller only in another layout, or after some seconds: a sentence that comes and goes does not change it back and forth.
+  const isSame = now === fittedFor && performance.now() - fittedAt < 10000;
+  const first = isSame ? densities.indexOf(list.dataset.density ?? "full") : 0;
+  if (!isSame) fittedAt = performance.now();
+  fittedFor = now;
+  fittedCount = store.targets.size;
+  for (const density of densities.slice(first)) {
+    if (list.dataset.density !== density) list.dataset.density = density;
+    if (list.scrollHeight <= list.clientHeight + 1) return;
+  }
 }
 
 const mapStates: Record<CameraMapPoint["state"], string> = {
@@ -359,21 +391,13 @@ function tick(): void {
   link.dataset.link = !store.connected ? "bad" : serving && !isStuck ? "good" : "warn";
   link.textContent = !store.connected ? "No bridge" : serving ? "Live" : "No service";
   $("service").textContent = !store.connected
-    ? "The bridge does not answer: is `huetrack view` still running? Trying again."
+    ? "The bridge does not answer. Trying again."
     : serving
       ? status!.mode === "held"
-        ? `replay on ${status!.host}, held: colours may be taught; Go on lets it run`
+        ? `replay on ${status!.host}, held at its first pictures`
         : `${status!.mode === "run" ? "live cameras" : "replay"} on ${status!.host}, ${isStuck ? "no frame sets: do all cameras deliver?" : `${status!.set_rate_hz.toFixed(1)} sets/s`}`
       : `Waiting for huetrackd on ${pulse ? pulse.bus : "DDS"}. The page continues automatically.`;
-  const warnings = [...(serving ? status!.warnings : []), ...(pulse?.trouble ? [pulse.trouble] : [])];
-  const list = $("warnings");
-  if (list.dataset.shown !== warnings.join("\n")) {
-    list.dataset.shown = warnings.join("\n");
-    list.replaceChildren(
-      ...warnings.map((text) => Object.assign(document.createElement("li"), { textContent: text })),
-    );
-    list.hidden = warnings.length === 0;
-  }
+  updateNotices();
   $("targets-title").textContent = store.trackedCameras.size === 0 ? "Targets" : store.targets.size === 0 ? "Tracked camera" : "Targets and tracked camera";
   $("no-targets").hidden = store.targets.size + store.trackedCameras.size > 0;
   $("no-targets").textContent = awaited(serving);
@@ -385,6 +409,7 @@ function tick(): void {
     : "Cameras, volume and targets are drawn here once a service publishes them.";
   $("no-cameras").textContent = serving ? "Pictures are awaited; they come while this page is looked at." : "No service sends pictures.";
   updateCameras(serving);
+  fitTargets();
   updateHealth(serving);
   updatePlotTexts();
   updateTeach(serving);
@@ -393,6 +418,7 @@ function tick(): void {
   updateCalibration(serving);
   updatePlayback(serving);
   updateRecordings();
+  updateCopyConfig();
   updateSteps();
 }
 
@@ -401,11 +427,11 @@ function awaited(serving: boolean): string {
   const { status, pulse } = store;
   if (!store.connected) return "Positions continue when the bridge is back.";
   if (!serving || !status)
-    return `No huetrackd was found on DDS domain ${pulse?.domain ?? 0}. Start one: huetrackd run my.yaml, or huetrackd replay my.yaml RECORDING --speed real.`;
+    return `No huetrackd was found on DDS domain ${pulse?.domain ?? 0}. Start says how to start one.`;
   if (status.mode === "held") return "The replay is held. Go on, above, lets it run.";
   const there = status.cameras.filter((c) => c.health === "delivering").length;
   if (status.cameras.length && there < status.cameras.length)
-    return `No position yet: ${there} of ${status.cameras.length} cameras deliver. See Health, below, for the others.`;
+    return `No position yet: ${there} of ${status.cameras.length} cameras deliver. Health says what the others lack.`;
   if (store.scene?.cameras.some((c) => !c.model)) return "Nothing is tracked before the cameras are calibrated.";
   return status.targets.length ? `No position of ${status.targets.join(", ")} yet.` : "The configuration names no target.";
 }
@@ -435,39 +461,39 @@ function clockOf(camera: string): string {
 }
 
 function updateHealth(serving: boolean): void {
+  if (!isOpen("health")) return;
   const { status } = store;
-  const body = $("health");
-  const rows = (status?.cameras ?? []).map((camera) => {
-    const row = document.createElement("tr");
-    // Where there is no room for columns, a figure has its name beside it.
-    const cell = (text: string, says = "") => {
-      const td = document.createElement("td");
-      if (says) td.dataset.says = says;
-      td.textContent = text;
-      row.append(td);
-      return td;
-    };
-    row.append(Object.assign(document.createElement("th"), { scope: "row", textContent: camera.name }));
-    const chip = document.createElement("span");
-    chip.className = "chip";
-    chip.dataset.health = serving ? camera.health : "unknown";
-    chip.textContent = serving ? camera.health : "unknown";
-    cell("").append(chip);
-    const isHeld = serving && status!.mode === "held";
-    if (isHeld) {
-      chip.textContent = "held";
-      chip.dataset.health = "held";
-    }
-    const slow = serving && !isHeld ? slowness(camera) : "";
-    cell(camera.rate_hz.toFixed(1), "Hz").dataset.level = slow ? "warn" : "";
-    cell(String(camera.frames), "Frames");
-    cell(String(camera.dropped), "Dropped");
-    cell(String(camera.corrupted), "Damaged");
-    cell([timesOf(camera.name), clockOf(camera.name)].filter(Boolean).join("; "), "Time");
-    cell(isHeld ? "" : [camera.message, slow].filter(Boolean).join("; "), "Message");
-    return row;
-  });
-  body.replaceChildren(...rows);
+  $("health").replaceChildren(
+    ...(status?.cameras ?? []).map((camera) => {
+      const isHeld = serving && status!.mode === "held";
+      const slow = serving && !isHeld ? slowness(camera) : "";
+      const item = document.createElement("li");
+      item.dataset.camera = camera.name;
+      item.innerHTML = `<h3><span class="name"></span><span class="chip"></span></h3><dl></dl>`;
+      item.querySelector(".name")!.textContent = camera.name;
+      const chip = item.querySelector<HTMLElement>(".chip")!;
+      chip.dataset.health = isHeld ? "held" : serving ? camera.health : "unknown";
+      chip.textContent = chip.dataset.health;
+      item.querySelector("dl")!.append(
+        ...[
+          ["Frames a second", camera.rate_hz.toFixed(1), slow ? "warn" : ""],
+          ["Frames", String(camera.frames), ""],
+          ["Dropped", String(camera.dropped), camera.dropped ? "warn" : ""],
+          ["Damaged", String(camera.corrupted), camera.corrupted ? "warn" : ""],
+        ].map(([name, value, level]) => {
+          const div = document.createElement("div");
+          const figure = Object.assign(document.createElement("dd"), { textContent: value });
+          if (level) figure.dataset.level = level;
+          div.append(Object.assign(document.createElement("dt"), { textContent: name }), figure);
+          return div;
+        }),
+      );
+      const line = (text: string, isBad: boolean) => text && item.append(Object.assign(document.createElement("p"), { textContent: text, className: isBad ? "bad" : "" }));
+      line([timesOf(camera.name), clockOf(camera.name)].filter(Boolean).join("; "), false);
+      line(isHeld ? "" : [camera.message, slow].filter(Boolean).join("; "), true);
+      return item;
+    }),
+  );
   const facts: [string, string][] = status
     ? [
         ["Configuration", `${status.config_file} (${status.config_identity})`],
@@ -493,11 +519,13 @@ function updateHealth(serving: boolean): void {
   );
 }
 
+onTool("health", { opened: () => updateHealth(isServing()) });
+
 // ---- Theme: the system's, unless the user chose
 const theme = $("theme") as HTMLButtonElement;
 const systemDark = matchMedia("(prefers-color-scheme: dark)");
 function applyTheme(): void {
-  const chosen = localStorage.getItem("huetrack-theme");
+  const chosen = setting("theme", "");
   const dark = chosen ? chosen === "dark" : systemDark.matches;
   document.documentElement.dataset.theme = dark ? "dark" : "light";
   theme.textContent = dark ? "Light" : "Dark";
@@ -505,7 +533,7 @@ function applyTheme(): void {
   renew(...parts);
 }
 theme.addEventListener("click", () => {
-  localStorage.setItem("huetrack-theme", document.documentElement.dataset.theme === "dark" ? "light" : "dark");
+  remember("theme", document.documentElement.dataset.theme === "dark" ? "light" : "dark");
   applyTheme();
 });
 systemDark.addEventListener("change", applyTheme);
@@ -526,8 +554,7 @@ const cards = addPart(document.body, () => (isSlow() ? slowBeat : 100), () => {
 const pictures = addPart($("cameras"), () => (isSlow() ? slowBeat : 0), drawNewPictures);
 const setup = addPart($("controls-panel"), () => (isSlow() ? slowBeat : 0), drawControls);
 const mask = addPart($("adjust-panel"), () => (isSlow() ? slowBeat : 0), drawAdjust);
-const covered = addPart($("calibrate-panel"), () => (isSlow() ? slowBeat : 0), drawCalibration);
-onNewPicture(() => renew(pictures, setup, mask, covered));
+onNewPicture(() => renew(pictures, setup, mask));
 
 let scenePart: Part | null = null;
 const canvas = $("scene") as HTMLCanvasElement;
@@ -567,15 +594,23 @@ onPlotsChanged(() => {
   renew(plotsPart);
 });
 
-addEventListener("resize", () => {
+// Of the stage and of what is in it: the window, the drawer and the plots change it.
+function layOut(): void {
+  arrange();
+  fitTargets();
   redrawCameras();
   renew(...parts);
-});
+}
+onLayout(layOut);
+new ResizeObserver(layOut).observe($("stage"));
+addEventListener("resize", layOut);
+rememberChoice($<HTMLSelectElement>("plot-span"));
 // Without samples, states become stale and the plots' time axis advances until they are empty.
 setInterval(() => {
   tick();
   if (secondsOfSilence() < plotSpan() + 3) renew(...parts.filter((part) => part !== plotsPart || !isPaused()));
 }, 1000);
+restore();
 listen();
 tick();
 renew(...parts);

@@ -1,5 +1,6 @@
 // Plots over the last 10 seconds to 10 minutes: one canvas each, all with the same time axis, and one cursor.
 import { likeBefore, lineColorOf, variable } from "./color";
+import { canSeek, recordedAt, seekTo } from "./playback";
 import { save } from "./save";
 import { historySeconds, indexAt, isServing, secondsOfSilence, store, tracks, type Rates, type Sample, type ViewSample } from "./store";
 
@@ -20,16 +21,18 @@ interface Plot {
   zero?: boolean; // the axis starts at 0
   least?: number; // the axis covers at least so much
   of?: "target" | "camera"; // only where there is one
+  perTrack?: boolean; // its lines have the tracks' colours
   isStatus?: boolean; // of the status, with the bridge's clock
 }
 
-const height = 150; // CSS pixels
+const height = 92; // CSS pixels: a row of plots fits into the dock
 const stateColors = { tracking: "--good", coasting: "--warn", searching: "--info", lost: "--bad" } as const;
 
 const colorOfTrack = (track: { name: string; isCamera: boolean }) => (track.isCamera ? "var(--accent)" : lineColorOf(track.name));
 
 // Distinguish targets of the same colour.
 const sameHueDashes = [[], [7, 4], [2, 3], [9, 3, 2, 3]];
+const dashOf = (track: { name: string; isCamera: boolean }) => (track.isCamera ? [] : sameHueDashes[Math.min(likeBefore(track.name), sameHueDashes.length - 1)]);
 const dashes = [[], [7, 4], [2, 3]]; // x, y, z
 
 function series<S extends Timed = Sample>(name: string, color: string, dash: number[], samples: S[], value: (s: S) => number): Series {
@@ -38,7 +41,7 @@ function series<S extends Timed = Sample>(name: string, color: string, dash: num
 
 function perTrack(value: (s: Sample) => number): () => Series[] {
   return () =>
-    tracks().map((t) => series(t.name, colorOfTrack(t), t.isCamera ? [] : sameHueDashes[Math.min(likeBefore(t.name), sameHueDashes.length - 1)], t.history, value));
+    tracks().map((t) => series(t.name, colorOfTrack(t), dashOf(t), t.history, value));
 }
 
 // Cameras: four colours that are distinguishable with red-green blindness, then dashes.
@@ -49,15 +52,16 @@ function perCamera<S extends Timed>(what: (camera: string) => [S[], (sample: S) 
 const plots: Plot[] = [
   {
     title: "Position",
+    perTrack: true,
     unit: "m",
     means: "In the calibration's world frame",
     least: 0.2,
     series: () =>
       tracks().flatMap((t) => ["x", "y", "z"].map((axis, i) => series(`${t.name} ${axis}`, colorOfTrack(t), dashes[i], t.history, (s) => (s.p ? s.p[i] : NaN)))),
   },
-  { title: "Uncertainty (1σ, largest axis)", unit: "mm", means: "Standard deviation along the most uncertain direction", zero: true, least: 5, series: perTrack((s) => s.sigma * 1000) },
-  { title: "Speed", unit: "m/s", means: "Speed of each object", zero: true, least: 0.5, series: perTrack((s) => s.speed) },
-  { title: "Latency, capture to bus", unit: "ms", means: "From the capture of the picture to the publication of the position", zero: true, least: 5, series: perTrack((s) => s.latency * 1000) },
+  { title: "Uncertainty, 1σ", perTrack: true, unit: "mm", means: "Standard deviation along the largest axis, the most uncertain direction", zero: true, least: 5, series: perTrack((s) => s.sigma * 1000) },
+  { title: "Speed", perTrack: true, unit: "m/s", means: "Speed of each object", zero: true, least: 0.5, series: perTrack((s) => s.speed) },
+  { title: "Latency", perTrack: true, unit: "ms", means: "From the capture of the picture to the publication of the position", zero: true, least: 5, series: perTrack((s) => s.latency * 1000) },
   {
     title: "Residual of each camera",
     unit: "px",
@@ -67,9 +71,9 @@ const plots: Plot[] = [
     of: "target",
     series: () => perCamera((camera) => [store.views.get(camera) ?? [], (s: ViewSample) => s.residual]),
   },
-  { title: "Features matched", unit: "", means: "Points of the map that were found in the picture", zero: true, least: 10, of: "camera", series: perTrack((s) => s.features) },
+  { title: "Features matched", perTrack: true, unit: "", means: "Points of the map that were found in the picture", zero: true, least: 10, of: "camera", series: perTrack((s) => s.features) },
   {
-    title: "Frames of each camera, and sets tracked",
+    title: "Frames of each camera, and sets",
     unit: "/s",
     means: "A frame set has at most one frame of each camera, captured at one moment; it gives one position",
     zero: true,
@@ -227,7 +231,7 @@ function drawPlot({ plot, canvas }: Drawn, end: number): void {
   g.lineWidth = 1;
   g.textAlign = "right";
   g.textBaseline = "middle";
-  const dy = step(high - low, h / 36);
+  const dy = step(high - low, h / 30);
   for (let v = Math.ceil(low / dy) * dy; v <= high; v += dy) {
     g.beginPath();
     g.moveTo(left, y(v));
@@ -321,16 +325,20 @@ function timeAxis(g: CanvasRenderingContext2D, w: number, h: number, from = left
 let statesFrom = left; // where the strip begins
 function drawStates(end: number): void {
   const targets = tracks();
-  states.style.height = `${Math.max(1, targets.length) * 22 + 20}px`;
+  const tall = `${Math.max(1, targets.length) * 22 + 20}px`;
+  if (states.style.height !== tall) {
+    states.style.height = tall;
+    document.documentElement.style.setProperty("--states", tall); // the dock shows them, and a row of plots
+  }
   const [g, w, h] = prepare(states);
   const begin = end - span;
   g.font = "12px system-ui, sans-serif";
   const widest = Math.max(0, ...targets.map((t) => g.measureText(t.name).width));
-  const from = (statesFrom = Math.min(Math.max(left, widest + 8), w / 3)); // of the strip; a name that is still wider is cut
+  const from = (statesFrom = Math.min(Math.max(left, widest + 28), w / 3)); // of the strip; a name that is still wider is cut
   const x = (t: number) => from + ((t - begin) / span) * (w - from - right);
   const cut = (name: string) => {
     let text = name;
-    while (text.length > 1 && g.measureText(text).width > from - 6) text = `${text.replace("…", "").slice(0, -1)}…`;
+    while (text.length > 1 && g.measureText(text).width > from - 24) text = `${text.replace("…", "").slice(0, -1)}…`;
     return text;
   };
   targets.forEach((target, row) => {
@@ -338,7 +346,15 @@ function drawStates(end: number): void {
     g.fillStyle = variable("--muted");
     g.textAlign = "right";
     g.textBaseline = "middle";
-    g.fillText(cut(target.name), from - 6, y + 8);
+    g.fillText(cut(target.name), from - 24, y + 8);
+    g.strokeStyle = resolve(colorOfTrack(target));
+    g.lineWidth = 1.8;
+    g.setLineDash(dashOf(target));
+    g.beginPath();
+    g.moveTo(from - 20, y + 8);
+    g.lineTo(from - 4, y + 8);
+    g.stroke();
+    g.setLineDash([]);
     const samples = target.history;
     const to = indexAt(samples, end + 1e-6);
     for (let i = indexAt(samples, begin); i < to; ) {
@@ -381,6 +397,7 @@ function valueAt(s: Series, end: number): number {
   return near.length ? s.value(near[0]) : NaN;
 }
 
+let rowHeight = "";
 // Once a second, for screen readers; and at the cursor.
 export function updatePlotTexts(): void {
   const quiet = silence();
@@ -395,14 +412,16 @@ export function updatePlotTexts(): void {
       return Number.isFinite(v) ? v.toFixed(Math.abs(v) < 10 ? (isPosition && isPast ? 3 : 2) : 1) : "–";
     };
     // One entry for a target's three coordinates.
-    const shown = isPosition ? all.filter((_, i) => i % 3 === 0) : all;
+    const shown = isPosition ? (isPast ? all.filter((_, i) => i % 3 === 0) : []) : all;
     now.replaceChildren(
       ...shown.map((s, i) => {
         const entry = document.createElement("span");
         entry.innerHTML = line(isPosition ? [] : (s.dash ?? []));
         (entry.firstElementChild as SVGElement).style.color = resolve(s.color);
         const values = isPosition ? (isPast ? ` ${all.slice(3 * i, 3 * i + 3).map(valueOf).join(" ")}` : "") : ` ${valueOf(s)}`;
-        entry.append(` ${isPosition ? s.name.slice(0, -2) : s.name}${values}`);
+        // Targets are named once, beside their states; cameras are not.
+        entry.append(plot.perTrack ? values : ` ${s.name}${values}`);
+        entry.title = s.name;
         return entry;
       }),
       ...(isSilent && all.length ? [quiet > 2 ? `no samples for ${Math.floor(quiet)} s` : "no samples"] : []),
@@ -410,7 +429,16 @@ export function updatePlotTexts(): void {
     const texts = all.map((s) => `${s.name} ${valueOf(s)}`);
     canvas.setAttribute("aria-label", `${plot.title} over the last ${span} seconds, ${cursor !== null ? `${cursor.toFixed(1)} s before the end` : "now"}: ${isSilent ? "no samples" : texts.join(", ") || "nothing"}`);
   }
-  $("plot-cursor").textContent = cursor === null ? "" : `at −${cursor.toFixed(2)} s`;
+  // As high as a row of plots with these texts, unless the user has chosen a height.
+  const row = `${Math.max(...drawn.slice(0, 4).map((d) => d.figure.offsetHeight))}px`;
+  if (row !== rowHeight && row !== "0px") document.documentElement.style.setProperty("--row", (rowHeight = row));
+  $("plot-cursor").textContent = cursor === null ? "" : `at −${cursor.toFixed(2)} s${inRecording(cursor)}`;
+}
+
+// The cursor's time in the recording that is replayed; a click goes there.
+function inRecording(secondsBefore: number): string {
+  const at = paused ? NaN : recordedAt(secondsBefore - silence());
+  return Number.isFinite(at) && at >= 0 ? `, ${at.toFixed(2)} s in the recording${canSeek() ? ": click to go there" : ""}` : "";
 }
 
 // ---- The cursor: under the pointer, or moved with the arrow keys.
@@ -425,6 +453,10 @@ function follow(canvas: HTMLCanvasElement, from: () => number): void {
     pointAt(span * (1 - (event.clientX - r.left - from()) / (r.width - from() - right)));
   });
   canvas.addEventListener("pointerleave", () => pointAt(null));
+  canvas.addEventListener("click", () => {
+    const at = cursor === null || paused ? NaN : recordedAt(cursor - silence());
+    if (canSeek() && at >= 0) seekTo(at);
+  });
 }
 for (const { canvas } of drawn) follow(canvas, () => left);
 follow(states, () => statesFrom);

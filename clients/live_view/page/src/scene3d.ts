@@ -377,15 +377,6 @@ export class Scene3d {
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: !this.isSlow, alpha: true });
     this.camera.up.set(0, 0, 1);
     this.scene.add(new THREE.HemisphereLight(0xffffff, 0x667788, 2.4), this.still);
-    // Wheel and vertical swipes scroll the page, unless the view was clicked or Ctrl is held. Must be registered before the controls'
-    // own listener.
-    canvas.addEventListener(
-      "wheel",
-      (event) => {
-        if (!event.ctrlKey && document.activeElement !== canvas) event.stopImmediatePropagation();
-      },
-      { capture: true, passive: true },
-    );
     this.controls = new OrbitControls(this.camera, canvas);
     canvas.style.touchAction = ""; // the style sheet's
     canvas.addEventListener("pointerdown", () => canvas.focus({ preventScroll: true }));
@@ -406,9 +397,10 @@ export class Scene3d {
     const back = new THREE.Vector3(-0.5, -0.84, 0.5).normalize(); // from the middle to the eye
     const right = new THREE.Vector3(0, 0, 1).cross(back).normalize();
     const up = back.clone().cross(right);
-    const tanY = Math.tan(THREE.MathUtils.degToRad(this.camera.fov / 2)) * share; // the rest is a margin
-    const width = Math.max(1, this.canvas.clientWidth);
-    const tanX = tanY * this.camera.aspect * Math.max(0.6, 1 - 50 / width); // half a label on either side
+    const tan = Math.tan(THREE.MathUtils.degToRad(this.camera.fov / 2)) * share; // the rest is a margin
+    const [width, height] = [Math.max(1, this.canvas.clientWidth), Math.max(1, this.canvas.clientHeight)];
+    const tanY = tan * Math.max(0.6, 1 - (4.5 * labelHeight) / height); // a label above and below
+    const tanX = tan * this.camera.aspect * Math.max(0.6, 1 - 50 / width); // half a label on either side
     const points = [...this.extent];
     for (const { cloud, way } of this.roamed.values()) points.push(...cloud, ...way);
     const center = new THREE.Box3().setFromPoints(points).getCenter(new THREE.Vector3());

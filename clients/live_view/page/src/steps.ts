@@ -3,8 +3,11 @@
 import { openTargets } from "./adjust";
 import { calibrationRefused, openCalibration } from "./calibrate";
 import { decodeAwaited, lightOf, type Light } from "./cameras";
-import { openControls } from "./controls";
+import { hasControls, openControls } from "./controls";
 import { drawLight } from "./light";
+import { lightTrouble } from "./notices";
+import { setting, remember } from "./settings";
+import { hide, isOpen, onTool, openTool, show } from "./shell";
 import { isServing, mayChange, store } from "./store";
 import { openTeaching } from "./teach";
 
@@ -30,8 +33,8 @@ function service(): Step {
   return {
     title: "Cameras",
     isDone: false,
-    says: `No huetrackd was found on DDS domain ${store.pulse?.domain ?? 0}. On the computer with the cameras, huetrackd setup finds them and starts; huetrackd doctor explains why it leaves one out. Or write the file yourself:`,
-    how: "huetrackd setup\n\n# or my.yaml, started with huetrackd run my.yaml\nversion: 1\nrig: none                  # not calibrated yet\ncameras: {left: {device: 0}, right: {device: 2}}\nrecord: {folder: recordings, pre_roll_s: 60}\ncontrol: {allow_teach: true, allow_record: true}",
+    says: `No huetrackd was found on DDS domain ${store.pulse?.domain ?? 0}. Start it in a terminal of the computer with the cameras. The page continues by itself.`,
+    how: "huetrackd setup             # finds the cameras, and starts\n\n# or write my.yaml, then: huetrackd run my.yaml\nversion: 1\nrig: none                  # not calibrated yet\ncameras: {left: {device: 0}, right: {device: 2}}\nrecord: {folder: recordings, pre_roll_s: 60}\ncontrol: {allow_teach: true, allow_record: true}",
   };
 }
 
@@ -43,8 +46,9 @@ function cameras(): Step {
   return {
     title: "Cameras",
     isDone: false,
-    says: bad.map((c) => `${c.name} is ${c.health}${c.message ? `: ${c.message}` : ""}.`).join(" ") + " For the cause and the remedy, run:",
-    how: `huetrackd doctor ${status!.config_file}`,
+    says: bad.map((c) => `${c.name} is ${c.health}${c.message ? `: ${c.message}` : ""}.`).join(" ") +
+      (bad.every((c) => hasControls(c.name)) ? " Check its cable, and that no other program uses it." : " Check that it is on, and its cable or address."),
+    button: ["Health…", () => show("health")],
   };
 }
 
@@ -55,20 +59,22 @@ function exposure(lights: [string, Light | null][]): Step {
   if (awaited.length) return { title, isDone: false, says: `Waiting for the picture of ${join(awaited)}.` };
   const dark = lights.filter(([, l]) => l!.dark > mostDark);
   const bright = lights.filter(([, l]) => l!.bright > mostBright);
-  if (!dark.length && !bright.length) return { title, isDone: true, says: "Neither too dark nor too bright. Keep it so with each camera's controls; a network camera has its own settings." };
+  const restless = lightTrouble();
+  if (!dark.length && !bright.length && restless) {
+    const which = restless.cameras.find(hasControls);
+    const button: Step["button"] = which && mayChange() ? [`Set up ${which}…`, () => openControls(which)] : undefined;
+    return { title, isDone: true, says: `Bright enough, but ${restless.text}${button ? "" : "; set it in the camera's own program"}.`, button };
+  }
+  if (!dark.length && !bright.length) return { title, isDone: true, says: "Neither too dark nor too bright." };
   const says = [
     ...dark.map(([name, l]) => `${name} is too dark: ${percent(l!.dark)} of its picture shows no colour.`),
     ...bright.map(([name, l]) => `${name} is too bright: ${percent(l!.bright)} of its picture is white.`),
   ];
   const name = (dark[0] ?? bright[0])[0];
-  if (mayChange())
-    return { title, isDone: false, says: `${says.join(" ")} Set its exposure, gain and white balance, and save them.`, button: [`Set up ${name}…`, () => openControls(name)] };
-  return {
-    title,
-    isDone: false,
-    says: `${says.join(" ")} Set its controls in ${store.status!.config_file}, and start again; huetrackd doctor lists them:`,
-    how: `cameras:\n  ${name}:\n    controls: {exposure_time_absolute: ${dark.length ? "300, gain: 60" : "50, gain: 0"}, white_balance_temperature: 4600, power_line_frequency: 50 Hz}`,
-  };
+  const how = dark.length ? "more light, a longer exposure or more gain" : "a shorter exposure or less gain";
+  if (mayChange() && hasControls(name))
+    return { title, isDone: false, says: `${says.join(" ")} Give it ${how}, and save.`, button: [`Set up ${name}…`, () => openControls(name)] };
+  return { title, isDone: false, says: `${says.join(" ")} Give it ${how}${hasControls(name) ? `, under cameras in ${store.status!.config_file}` : ", in the camera's own program"}.` };
 }
 
 function calibration(): Step {
@@ -78,12 +84,11 @@ function calibration(): Step {
   const nothing = `The lenses and poses of ${join(missing)} are unknown.`;
   const why = calibrationRefused();
   if (store.status!.mode === "run" && !why)
-    return { title, isDone: false, says: `${nothing} Carry a printed board in front of them: the page shows what is still missing in each picture.`, button: ["Calibrate…", openCalibration] };
+    return { title, isDone: false, says: `${nothing} Carry a printed board in front of them: the page shows what is still missing in each picture.`, button: ["Calibrate…", () => openCalibration("board")] };
   return {
     title,
     isDone: false,
-    says: `${nothing} ${why ? `This page cannot do it: ${why} Or stop` : "Stop"} huetrackd, carry a board in front of the cameras while the command below runs (its page shows what is still missing), then write rig: rig.yaml into ${store.status!.config_file} and start again.`,
-    how: `huetrack-calibrate extrinsics --board board.yaml ${missing.map((name) => `${name}=/dev/video…`).join(" ")} --rig rig.yaml --view view.html`,
+    says: `${nothing} ${why || "A recording is not calibrated on this page."} The tutorial under Help shows the calibration in a terminal.`,
   };
 }
 
@@ -106,8 +111,7 @@ function track(): Step {
   return { title, isDone: false, says: found.length ? "It is tracked, but not certain yet: let two cameras see it." : `Hold the object where two cameras see it. ${why ? `Now: ${why}.` : ""}` };
 }
 
-let isAsked = false; // the user wants to see them
-let isHidden = false; // or not
+let isAuto = false; // opened by the page, which closes it once something is tracked
 let hasTracked = false;
 
 function stepsNow(): Step[] {
@@ -118,15 +122,20 @@ function stepsNow(): Step[] {
   return [cameras(), exposure(lights), calibration(), color(), track()];
 }
 
+const settled = 2000; // ms after the connection: what is tracked already has come by then
+const isDue = () => !hasTracked && store.connected && performance.now() - store.connectedAt > settled && !setting("steps-closed", false);
+
 // Once a second.
 export function updateSteps(): void {
   hasTracked ||= [...store.targets.values(), ...store.trackedCameras.values()].some((t) => t.latest?.state === "tracking");
-  const isShown = store.connected && (isAsked || (!isHidden && !hasTracked));
-  const panel = $("steps");
-  if (panel.hidden === isShown) panel.hidden = !isShown;
-  $("steps-open").setAttribute("aria-expanded", String(isShown));
-  $("steps-open").hidden = isShown;
-  if (!isShown) return;
+  // Shown by itself until something was tracked, unless the user has closed it or uses another tool.
+  if (isDue() && !openTool()) {
+    isAuto = true;
+    show("steps");
+  }
+  if (isAuto && hasTracked && isOpen("steps")) hide();
+  if (hasTracked) isAuto = false;
+  if (!isOpen("steps")) return;
   decodeAwaited(); // on a phone the pictures may be out of view
   const steps = stepsNow();
   const current = steps.findIndex((s) => !s.isDone);
@@ -136,7 +145,7 @@ export function updateSteps(): void {
     list.dataset.shown = key;
     list.replaceChildren(...steps.map((step, i) => itemOf(step, i === current)));
   }
-  if (store.status?.mode === "run" && (current === 1 || isAsked)) drawLights(list.children[1] as HTMLElement);
+  if (store.status?.mode === "run") drawLights(list.children[1] as HTMLElement);
 }
 
 function itemOf(step: Step, isCurrent: boolean): HTMLElement {
@@ -147,10 +156,10 @@ function itemOf(step: Step, isCurrent: boolean): HTMLElement {
   add("h3", step.title);
   if (step.isDone || isCurrent) add("p", step.says);
   if (isCurrent && step.how) add("pre", step.how).tabIndex = 0;
-  if (isCurrent && step.button) {
+  if ((isCurrent || step.isDone) && step.button) {
     const button = add("button", step.button[0]) as HTMLButtonElement;
     button.type = "button";
-    button.className = "primary";
+    if (isCurrent) button.className = "primary";
     button.addEventListener("click", step.button[1]);
   }
   return item;
@@ -177,14 +186,9 @@ function drawLights(item: HTMLElement): void {
   }
 }
 
-$("steps-open").addEventListener("click", () => {
-  isAsked = true;
-  updateSteps();
-  $("steps").scrollIntoView({ block: "nearest" });
-});
-$("steps-close").addEventListener("click", () => {
-  isAsked = false;
-  isHidden = true;
-  updateSteps();
-  $("steps-open").focus();
-});
+onTool("steps", { opened: updateSteps });
+for (const id of ["steps-open", "steps-close"])
+  $(id).addEventListener("click", () => {
+    remember("steps-closed", !isOpen("steps"));
+    isAuto = false;
+  });

@@ -46,11 +46,13 @@ export const client = Array.from(crypto.getRandomValues(new Uint8Array(8)), (b) 
 
 export const store = {
   connected: false, // to the bridge
+  connectedAt: 0, // performance.now()
   pulse: null as Pulse | null,
   status: null as Status | null,
   times: null as CameraTimes | null,
   clocks: null as HostClocks | null,
   statusHeard: 0,
+  lifeAt: 0, // performance.now() of the last message of the service, of any kind
   scene: null as Scene | null,
   targets: new Map<string, Target>(),
   trackedCameras: new Map<string, TrackedCamera>(),

@@ -1,10 +1,14 @@
-// Teaching a colour: freeze the pictures, point at the object, check the matches, save. Every request carries the whole state of the
-// page; replies arrive over the stream.
-import { bitmapOf, showLiveMasks } from "./cameras";
-import { ask as askService } from "./control";
+// Teaching a colour: freeze the big pictures where they are, point at the object in them, check the matches, save. Every request
+// carries the whole state of the page; replies arrive over the stream.
+import { bitmapOf, clearLayers, hasFocus, redrawLayer, setLayer, type Layer, type Placed } from "./cameras";
+import { ask as askService, say as sayIn } from "./control";
+import { enable } from "./hints";
 import { Labels } from "./labels";
 import { stepHistory, updateHistory } from "./history";
 import type { Color, Ignore, Scene, TaughtCamera, TeachReply } from "./messages";
+import { setOptions } from "./options";
+import { send } from "./requests";
+import { isOpen, onTool, refuse, show, toast } from "./shell";
 import { client, serviceOf, store } from "./store";
 
 const $ = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
@@ -14,19 +18,19 @@ interface Picture {
   size: [number, number]; // of the camera's image
   image: ImageBitmap;
   mask: ImageBitmap | null;
-  canvas: HTMLCanvasElement;
-  verdict: HTMLElement;
   cursor: [number, number] | null; // of the keyboard, image pixels
-  ranges: HTMLElement;
-  drag: [number, number] | null;
-  pressed: [number, number] | null; // where a button or finger went down, CSS pixels
-  corner: [number, number] | null;
+  drag: [number, number] | null; // a rectangle's first corner
+  corner: [number, number] | null; // and the other
   taught: TaughtCamera | null;
 }
 
-let number = 0;
-let pending = 0; // number of the pending request
+let number = 0; // of the latest request; its answer is taken whenever it comes
+let pending = 0; // the same while it is waited for
+let asked = ""; // what it was for
+let isAnswered = false;
+const saves = new Set<number>(); // requests that write a file and have no answer yet
 let pictures: Picture[] = [];
+let missing: string[] = []; // cameras without a picture in the frozen set
 let points: { camera: string; pixel: [number, number] }[] = [];
 let ignored: Ignore[] = [];
 let wider = 0;
@@ -42,16 +46,17 @@ let radius: number | null = null; // measured, m
 let isUndoing = false; // the rectangles that come then are those of before
 
 const panel = $("teach-panel");
-const say = (text: string, isBad = false) => {
-  $("teach-says").textContent = text;
-  $("teach-says").classList.toggle("bad", isBad);
-};
+const say = (text: string, isBad = false, isBusy = false) => sayIn($("teach-says"), text, isBad, isBusy);
+
+const doing: Record<string, string> = { freeze: "Freezing the pictures", look: "Learning the colour", apply: "Saving", ignore: "Saving the rectangles", resume: "Going on" };
 
 async function ask(action: string): Promise<void> {
   const scene = store.scene;
   if (!scene) return say("There is no service to ask.", true);
   const mine = ++number;
   pending = mine;
+  asked = action;
+  isAnswered = false;
   const body = JSON.stringify({
     client,
     number: mine,
@@ -63,29 +68,31 @@ async function ask(action: string): Promise<void> {
     ignored,
     wider,
   });
+  if (action === "apply" || action === "ignore") saves.add(mine);
+  say(`${doing[action]}…`, false, true);
   update();
-  // Again when nothing comes back: a service that has just started may not have met the bridge yet. A second reply to the
-  // same request is not waited for any more.
-  for (let attempt = 0; attempt < 3; attempt++) {
-    try {
-      const answer = await fetch("/api/teach", { method: "POST", headers: { "Content-Type": "application/json" }, body });
-      if (!answer.ok) throw new Error((await answer.text()).trim());
-    } catch (error) {
-      pending = 0;
-      update();
-      return say(`The request did not go through: ${error instanceof Error ? error.message : error}`, true);
-    }
-    await new Promise((resolve) => setTimeout(resolve, 3000));
-    if (pending !== mine) return;
-  }
+  const sent = await send("/api/teach", body, () => mine !== number || isAnswered, (seconds) => {
+    if (pending === mine && seconds >= 2) say(`${doing[action]}… ${seconds} s`, false, true);
+  });
+  if (mine !== number || sent.outcome === "answered") return;
   pending = 0;
   update();
-  say("The service did not answer. Is it still running?", true);
+  say(sent.reason, true);
 }
 
 export async function takeTeachReply(reply: TeachReply): Promise<void> {
-  if (reply.client !== client || reply.number !== pending) return;
+  if (reply.client !== client) return;
+  // A save that the page did not wait for: other pictures were asked for meanwhile.
+  if (reply.number !== number && saves.delete(reply.number)) return toast(reply.reason);
+  if (reply.number !== number || isAnswered) return;
+  isAnswered = true;
+  saves.delete(number);
   pending = 0;
+  // The tool was closed meanwhile: what was saved is said all the same.
+  if (!isOpen("teach")) {
+    if (asked !== "freeze" && asked !== "look") toast(reply.reason);
+    return;
+  }
   const stepped = lastStep;
   lastStep = 0;
   if (!reply.granted) {
@@ -94,7 +101,10 @@ export async function takeTeachReply(reply: TeachReply): Promise<void> {
     return say(reply.reason, true);
   }
   say(reply.reason);
-  if (/^Saved/.test(reply.reason)) void updateHistory();
+  if (/^Saved/.test(reply.reason)) {
+    void updateHistory();
+    if (asked === "apply") letGo(); // the live pictures show what it is tracked by
+  }
   if (reply.cameras.some((c) => c.jpeg)) await showPictures(reply.cameras);
   const ranges = JSON.stringify(reply.cameras.map((c) => c.color));
   if (stepped && ranges === before) {
@@ -110,8 +120,6 @@ export async function takeTeachReply(reply: TeachReply): Promise<void> {
     if (!picture) continue;
     if (taught.mask) picture.mask = await maskOf(taught);
     picture.taught = taught;
-    picture.verdict.textContent = taught.verdict;
-    picture.ranges.textContent = taught.pointed ? textOf(taught.color) : "";
     draw(picture);
   }
   // Replies without cameras (rectangles saved, a replay resumed) change nothing here.
@@ -139,102 +147,84 @@ async function maskOf(taught: TaughtCamera): Promise<ImageBitmap> {
   return createImageBitmap(data);
 }
 
+// The frozen pictures take the place of the live ones.
 async function showPictures(cameras: TaughtCamera[]): Promise<void> {
   const scene = store.scene as Scene;
-  const grid = $("teach-pictures");
-  grid.replaceChildren();
-  pictures = [];
-  for (const taught of cameras) {
-    if (!taught.jpeg) continue;
-    const figure = document.createElement("figure");
-    figure.className = "camera";
-    figure.innerHTML = `<figcaption><b></b></figcaption><canvas tabindex="0" role="application"></canvas><p class="note"></p><p class="note ranges"></p>`;
-    figure.querySelector("b")!.textContent = taught.camera;
-    grid.append(figure);
-    const canvas = figure.querySelector("canvas")!;
-    canvas.dataset.camera = taught.camera;
-    canvas.setAttribute(
-      "aria-label",
-      `Frozen picture of ${taught.camera}. Click on the object; or move the cross with the arrow keys (Shift: faster) and press Enter.`,
-    );
-    const picture: Picture = {
-      camera: taught.camera,
-      size: scene.cameras.find((c) => c.name === taught.camera)?.size ?? taught.size,
-      image: await bitmapOf(taught.jpeg),
-      mask: null,
-      canvas,
-      verdict: figure.querySelector(".note")!,
-      ranges: figure.querySelector(".ranges")!,
-      pressed: null,
-      cursor: null,
-      drag: null,
-      corner: null,
-      taught: null,
-    };
-    pictures.push(picture);
-    attach(picture);
-    draw(picture);
-  }
+  const frozen = await Promise.all(
+    cameras
+      .filter((taught) => taught.jpeg)
+      .map(async (taught): Promise<Picture> => ({
+        camera: taught.camera,
+        size: scene.cameras.find((c) => c.name === taught.camera)?.size ?? taught.size,
+        image: await bitmapOf(taught.jpeg),
+        mask: null,
+        cursor: null,
+        drag: null,
+        corner: null,
+        taught: null,
+      })),
+  );
+  letGo();
+  missing = cameras.filter((taught) => !taught.jpeg).map((taught) => taught.camera);
+  pictures = frozen;
+  for (const picture of pictures) setLayer(picture.camera, layerOf(picture));
+  update();
 }
 
-function attach(picture: Picture): void {
-  const { canvas } = picture;
-  const pixel = (event: MouseEvent): [number, number] => {
-    const r = canvas.getBoundingClientRect();
-    return [
-      Math.min(picture.size[0] - 1, Math.max(0, Math.round(((event.clientX - r.left) / r.width) * picture.size[0] - 0.5))),
-      Math.min(picture.size[1] - 1, Math.max(0, Math.round(((event.clientY - r.top) / r.height) * picture.size[1] - 0.5))),
-    ];
+// The live pictures again.
+function letGo(): void {
+  for (const picture of pictures) {
+    setLayer(picture.camera, null);
+    picture.image.close();
+  }
+  pictures = [];
+  missing = [];
+  awaitPictures();
+}
+
+// While the tool is open a click never enlarges: it teaches, or takes pictures to teach in.
+function awaitPictures(): void {
+  if (isOpen("teach")) for (const { name } of store.scene?.cameras ?? []) setLayer(name, { point: () => !pending && startAgain() });
+}
+
+function layerOf(picture: Picture): Layer {
+  const { camera } = picture;
+  return {
+    frozen: { image: picture.image, size: picture.size },
+    paint: (on) => paint(picture, on),
+    point: (pixel) => {
+      if (!pending && !isIgnoring) point(picture, pixel);
+    },
+    drags: () => isIgnoring && !pending,
+    drag: (from, to, isEnd) => {
+      [picture.drag, picture.corner] = [from, to];
+      if (isEnd) closeRectangle(picture);
+      else draw(picture);
+    },
+    key: (event) => key(picture, event),
+    label: `Frozen picture of ${camera}. Click on the object; or move the cross with the arrow keys (Shift: faster) and press Enter.`,
   };
-  canvas.addEventListener("pointerdown", (event) => {
-    picture.pressed = [event.clientX, event.clientY];
-    if (pending || !isIgnoring) return;
-    canvas.setPointerCapture(event.pointerId);
-    picture.drag = picture.corner = pixel(event);
-  });
-  canvas.addEventListener("pointermove", (event) => {
-    if (!picture.drag) return;
-    picture.corner = pixel(event);
-    draw(picture);
-  });
-  canvas.addEventListener("pointerup", () => closeRectangle(picture));
-  canvas.addEventListener("pointercancel", () => {
+}
+
+function key(picture: Picture, event: KeyboardEvent): void {
+  const step = event.shiftKey ? 10 : 1;
+  const moves: Record<string, [number, number]> = { ArrowLeft: [-step, 0], ArrowRight: [step, 0], ArrowUp: [0, -step], ArrowDown: [0, step] };
+  picture.cursor ??= [Math.round(picture.size[0] / 2), Math.round(picture.size[1] / 2)];
+  const move = moves[event.key];
+  if (move) {
+    picture.cursor = picture.cursor.map((at, i) => Math.min(picture.size[i] - 1, Math.max(0, at + move[i]))) as [number, number];
+    if (picture.drag) picture.corner = picture.cursor;
+    $("teach-cursor").textContent = `${picture.camera}: ${picture.cursor.join(", ")}`;
+  } else if (event.key === "Enter" || event.key === " ") {
+    if (pending) return;
+    if (!isIgnoring) point(picture, picture.cursor);
+    else if (picture.drag) closeRectangle(picture);
+    else picture.drag = picture.corner = picture.cursor;
+  } else if (event.key === "Escape" && picture.drag) {
     picture.drag = null;
-    draw(picture);
-  });
-  // A click and not a swipe: what began here, and moved no farther than a finger trembles.
-  canvas.addEventListener("click", (event) => {
-    const [x, y] = picture.pressed ?? [event.clientX, event.clientY];
-    picture.pressed = null;
-    if (!pending && !isIgnoring && Math.hypot(event.clientX - x, event.clientY - y) < 8) point(picture, pixel(event));
-  });
-  canvas.addEventListener("keydown", (event) => {
-    const step = event.shiftKey ? 10 : 1;
-    const move: Record<string, [number, number]> = {
-      ArrowLeft: [-step, 0],
-      ArrowRight: [step, 0],
-      ArrowUp: [0, -step],
-      ArrowDown: [0, step],
-    };
-    picture.cursor ??= [Math.round(picture.size[0] / 2), Math.round(picture.size[1] / 2)];
-    if (move[event.key]) {
-      const [u, v] = picture.cursor;
-      picture.cursor = [
-        Math.min(picture.size[0] - 1, Math.max(0, u + move[event.key][0])),
-        Math.min(picture.size[1] - 1, Math.max(0, v + move[event.key][1])),
-      ];
-      if (picture.drag) picture.corner = picture.cursor;
-      $("teach-cursor").textContent = `${picture.camera}: ${picture.cursor.join(", ")}`;
-    } else if (event.key === "Enter" || event.key === " ") {
-      if (!isIgnoring) point(picture, picture.cursor);
-      else if (picture.drag) closeRectangle(picture);
-      else picture.drag = picture.corner = picture.cursor;
-    } else if (event.key === "Escape") {
-      picture.drag = null;
-    } else return;
-    event.preventDefault();
-    draw(picture);
-  });
+  } else return;
+  event.preventDefault();
+  draw(picture);
 }
 
 function point(picture: Picture, pixel: [number, number]): void {
@@ -245,16 +235,13 @@ function point(picture: Picture, pixel: [number, number]): void {
   void ask("look");
 }
 
+const boxOf = (a: [number, number], b: [number, number]): Ignore["box"] => [Math.min(a[0], b[0]), Math.min(a[1], b[1]), Math.max(a[0], b[0]), Math.max(a[1], b[1])];
+
 function closeRectangle(picture: Picture): void {
   const { drag, corner } = picture;
   picture.drag = null;
   if (!drag || !corner) return;
-  const box: Ignore["box"] = [
-    Math.min(drag[0], corner[0]),
-    Math.min(drag[1], corner[1]),
-    Math.max(drag[0], corner[0]),
-    Math.max(drag[1], corner[1]),
-  ];
+  const box = boxOf(drag, corner);
   if (box[2] - box[0] >= 2 && box[3] - box[1] >= 2) {
     ignored.push({ camera: picture.camera, box });
     if (points.length) void ask("look");
@@ -263,91 +250,71 @@ function closeRectangle(picture: Picture): void {
   update();
 }
 
-function draw(picture: Picture): void {
-  const { canvas, image, size } = picture;
-  const width = Math.max(320, Math.round((canvas.clientWidth || 320) * devicePixelRatio));
-  const height = Math.round((width * size[1]) / size[0]);
-  if (canvas.width !== width || canvas.height !== height) {
-    canvas.width = width;
-    canvas.height = height;
-  }
-  const g = canvas.getContext("2d")!;
-  const s = width / size[0];
-  g.drawImage(image, 0, 0, width, height);
+const draw = (picture: Picture) => redrawLayer(picture.camera);
+
+function paint(picture: Picture, on: Placed): void {
+  const { g, at, scale: s, line } = on;
+  const { taught } = picture;
   if (picture.mask && $<HTMLInputElement>("teach-mask").checked) {
-    g.globalAlpha = 0.75;
     g.imageSmoothingEnabled = false;
-    g.drawImage(picture.mask, 0, 0, width, height);
+    on.draw(picture.mask, 0.75);
     g.imageSmoothingEnabled = true;
-    g.globalAlpha = 1;
   }
-  g.lineWidth = 2 * devicePixelRatio;
-  const rectangle = (box: number[], color: string, dashed: boolean) => {
+  const rectangle = ([u0, v0, u1, v1]: number[], color: string, width: number, dash: number[], fill = "") => {
+    const [x0, y0] = at(u0 - 0.5, v0 - 0.5), [x1, y1] = at(u1 + 0.5, v1 + 0.5);
+    if (fill) {
+      g.fillStyle = fill;
+      g.fillRect(x0, y0, x1 - x0, y1 - y0);
+    }
+    g.lineWidth = width;
     g.strokeStyle = color;
-    g.setLineDash(dashed ? [8, 6] : []);
-    g.strokeRect(box[0] * s, box[1] * s, (box[2] - box[0] + 1) * s, (box[3] - box[1] + 1) * s);
+    g.setLineDash(dash);
+    g.strokeRect(x0, y0, x1 - x0, y1 - y0);
     g.setLineDash([]);
   };
   for (const region of ignored)
-    if (region.camera === picture.camera) {
-      g.fillStyle = "rgb(30 30 30 / 0.55)";
-      g.fillRect(region.box[0] * s, region.box[1] * s, (region.box[2] - region.box[0] + 1) * s, (region.box[3] - region.box[1] + 1) * s);
-      rectangle(region.box, "white", true);
-    }
-  if (picture.drag && picture.corner)
-    rectangle(
-      [
-        Math.min(picture.drag[0], picture.corner[0]),
-        Math.min(picture.drag[1], picture.corner[1]),
-        Math.max(picture.drag[0], picture.corner[0]),
-        Math.max(picture.drag[1], picture.corner[1]),
-      ],
-      "white",
-      true,
-    );
-  const patch = picture.taught?.background_box;
-  if (patch?.length === 4 && hasLearnt) {
+    if (region.camera === picture.camera) rectangle(region.box, "white", 1.4 * line, [8, 6], "rgb(30 30 30 / 0.55)");
+  if (picture.drag && picture.corner) rectangle(boxOf(picture.drag, picture.corner), "white", 1.4 * line, [8, 6]);
+  if (taught?.background_box?.length === 4 && hasLearnt) {
     // What could be taken for the object: the largest patch of the background that matches, with some air around it.
     const air = 3 / s;
-    const box = [patch[0] - air, patch[1] - air, patch[2] + air, patch[3] + air];
-    g.lineWidth = 4 * devicePixelRatio;
-    rectangle(box, "rgb(0 0 0 / 0.7)", false);
-    g.lineWidth = 2 * devicePixelRatio;
-    rectangle(box, "#ff9f1c", false);
+    const [u0, v0, u1, v1] = taught.background_box;
+    const box = [u0 - air, v0 - air, u1 + air, v1 + air];
+    rectangle(box, "rgb(0 0 0 / 0.7)", 3 * line, []);
+    rectangle(box, "#ff9f1c", 1.4 * line, []);
     // Without a known position, the matches may be the object.
-    const isElsewhere = picture.taught!.pointed || picture.taught!.region[0] !== null;
-    new Labels(g).add({ text: isElsewhere ? "matches, too" : "matches: the object?", color: "#ff9f1c", x: ((box[0] + box[2]) / 2) * s, y: ((box[1] + box[3]) / 2) * s, radius: ((box[3] - box[1]) / 2) * s });
+    const isElsewhere = taught.pointed || taught.region[0] !== null;
+    const [x, y] = at((u0 + u1) / 2, (v0 + v1) / 2);
+    new Labels(g).add({ text: isElsewhere ? "matches, too" : "matches: the object?", color: "#ff9f1c", x, y, radius: ((v1 - v0) / 2 + air) * s });
   }
-  const circle = (u: number, v: number, r: number, color: string, dashed: boolean) => {
-    g.setLineDash(dashed ? [6, 5] : []);
-    for (const [style, w] of [["rgb(0 0 0 / 0.7)", 4], [color, 2]] as const) {
+  if (taught && taught.region[0] !== null && taught.region[1] !== null) {
+    const [x, y] = at(taught.region[0], taught.region[1]);
+    g.setLineDash(taught.pointed ? [] : [6, 5]);
+    for (const [style, width] of [["rgb(0 0 0 / 0.7)", 3], [taught.pointed ? "white" : "#ffd60a", 1.5]] as const) {
       g.strokeStyle = style;
-      g.lineWidth = w * devicePixelRatio;
+      g.lineWidth = width * line;
       g.beginPath();
-      g.arc((u + 0.5) * s, (v + 0.5) * s, Math.max(6, r * s), 0, 2 * Math.PI);
+      g.arc(x, y, Math.max(6, (taught.region_radius ?? 4) * 1.3 * s), 0, 2 * Math.PI);
       g.stroke();
     }
     g.setLineDash([]);
-  };
-  const { taught } = picture;
-  if (taught && taught.region[0] !== null && taught.region[1] !== null)
-    circle(taught.region[0], taught.region[1], (taught.region_radius ?? 4) * 1.3, taught.pointed ? "white" : "#ffd60a", !taught.pointed);
-  if (picture.cursor && document.activeElement === canvas) {
-    const [x, y] = [(picture.cursor[0] + 0.5) * s, (picture.cursor[1] + 0.5) * s];
-    for (const [style, w] of [["black", 3], ["white", 1.5]] as const) {
-      g.strokeStyle = style;
-      g.lineWidth = w * devicePixelRatio;
-      g.beginPath();
-      g.moveTo(0, y);
-      g.lineTo(width, y);
-      g.moveTo(x, 0);
-      g.lineTo(x, height);
-      g.stroke();
-    }
+  }
+  if (!picture.cursor || !hasFocus(picture.camera)) return;
+  const [x, y] = at(...picture.cursor);
+  for (const [style, width] of [["black", 2.2], ["white", 1.1]] as const) {
+    g.strokeStyle = style;
+    g.lineWidth = width * line;
+    g.beginPath();
+    g.moveTo(0, y);
+    g.lineTo(g.canvas.width, y);
+    g.moveTo(x, 0);
+    g.lineTo(x, g.canvas.height);
+    g.stroke();
   }
 }
 
 function startAgain(): void {
+  lastStep = 0;
   service = store.scene ? serviceOf(store.scene) : "";
   points = [];
   wider = 0;
@@ -359,20 +326,23 @@ function startAgain(): void {
   void ask("freeze");
 }
 
-function open(): void {
-  panel.hidden = false;
+function opened(): void {
   void updateHistory();
-  $("teach-open").setAttribute("aria-expanded", "true");
   ignored = (store.scene?.ignored ?? []).map((i) => ({ camera: i.camera, box: [...i.box] as Ignore["box"] }));
-  startAgain();
-  panel.scrollIntoView({ behavior: "smooth", block: "start" });
-  $("teach-title").focus();
+  updateTargets();
+  $("teach-title").focus({ preventScroll: true });
+  if (!whyNot()) {
+    awaitPictures();
+    startAgain();
+  }
+  update();
 }
 
-function close(): void {
-  panel.hidden = true;
-  updateLiveMasks();
-  $("teach-open").setAttribute("aria-expanded", "false");
+function closed(): void {
+  letGo();
+  clearLayers();
+  hasLearnt = false;
+  pending = 0;
 }
 
 // A step that changes nothing is taken back when the reply comes.
@@ -399,34 +369,50 @@ function save(): void {
   void ask("apply");
 }
 
-// Shows the mask in the live pictures, too.
-function updateLiveMasks(): void {
-  const isShown = !panel.hidden && hasLearnt && $<HTMLInputElement>("teach-mask").checked;
-  showLiveMasks(
-    isShown
-      ? new Map(
-          pictures
-            .filter((p) => p.taught)
-            .map((p) => [p.camera, { color: p.taught!.color, ignored: ignored.filter((i) => i.camera === p.camera).map((i) => i.box) }]),
-        )
-      : null,
-  );
-}
-
 function update(): void {
   const busy = pending !== 0;
-  updateLiveMasks();
   if (!unconfirmed.length) saysAlone = false;
   panel.setAttribute("aria-busy", String(busy));
-  for (const id of ["teach-freeze", "teach-again"]) $<HTMLButtonElement>(id).disabled = busy;
-  $<HTMLButtonElement>("teach-save").disabled = busy || !hasLearnt;
+  const wait = busy ? "wait for the service" : "";
+  const none = !pictures.length ? "there is no picture yet" : "";
+  const unlearnt = hasLearnt && pictures.length ? "" : "click on the object in a picture first";
+  enable($("teach-freeze"), wait);
   $("teach-save").textContent = saysAlone ? "Save without them" : "Save colour";
-  $<HTMLButtonElement>("teach-wider").disabled = busy || !hasLearnt || wider >= most;
-  $<HTMLButtonElement>("teach-narrower").disabled = busy || !hasLearnt || wider <= least;
-  $<HTMLButtonElement>("teach-save-ignored").disabled = busy || !pictures.length;
-  $<HTMLButtonElement>("teach-clear").disabled = !ignored.length;
+  enable($("teach-save"), wait || unlearnt);
+  enable($("teach-wider"), wait || unlearnt || (wider >= most ? "it does not get wider" : ""));
+  enable($("teach-narrower"), wait || unlearnt || (wider <= least ? "it does not get narrower" : ""));
+  enable($("teach-save-ignored"), wait || none);
+  enable($("teach-clear"), ignored.length ? "" : "there are none");
   updateRadius();
   $("teach-width").textContent = wider === 0 ? "as fitted" : wider > 0 ? `${wider} wider` : `${-wider} narrower`;
+  listCameras();
+}
+
+// What to do in each camera's picture, and what came of it.
+function listCameras(): void {
+  const names = (store.scene?.cameras ?? []).map((c) => c.name);
+  const list = $("teach-cameras");
+  list.replaceChildren(
+    ...(pictures.length ? names : []).map((camera) => {
+      const taught = pictures.find((p) => p.camera === camera)?.taught ?? null;
+      const [step, chip, text] = missing.includes(camera)
+        ? ["missing", "no picture", `${camera} gave no picture at this moment. New pictures may have one.`]
+        : taught?.pointed
+          ? ["done", "learnt", taught.verdict]
+          : unconfirmed.includes(camera)
+            ? ["next", "confirm the ring", taught?.verdict ?? ""]
+            : ["next", points.length ? "click on it here" : "click on it", taught?.verdict ?? ""];
+      const item = document.createElement("li");
+      item.dataset.camera = camera;
+      item.dataset.step = step;
+      item.innerHTML = `<b></b><span class="chip"></span><p></p><p class="ranges"></p>`;
+      item.querySelector("b")!.textContent = camera;
+      item.querySelector(".chip")!.textContent = chip;
+      item.querySelector("p")!.textContent = text.replace(`camera ${camera}: `, "");
+      item.querySelector(".ranges")!.textContent = taught?.pointed ? textOf(taught.color) : "";
+      return item;
+    }),
+  );
 }
 
 // Offers the measured radius if it differs from the current one; a save uses it by itself if none is configured.
@@ -435,13 +421,14 @@ function updateRadius(): void {
   const inForce = store.scene?.targets.find((t) => t.name === $<HTMLSelectElement>("teach-target").value)?.radius;
   const isOther = radius !== null && inForce !== undefined && Math.abs(radius - inForce) >= 0.0005;
   button.hidden = !hasLearnt || !isOther;
-  button.disabled = pending !== 0;
+  enable(button, pending ? "wait for the service" : "");
   if (isOther) button.textContent = `Take a radius of ${(1000 * radius!).toFixed(1)} mm instead of ${+(1000 * inForce).toFixed(1)} mm`;
 }
 
 async function takeRadius(): Promise<void> {
   if (radius === null) return;
-  $<HTMLButtonElement>("teach-radius").disabled = true;
+  enable($("teach-radius"), "wait for the service");
+  say("Working…", false, true);
   const reply = await askService("target", "set", $<HTMLSelectElement>("teach-target").value, `radius_m=${radius.toFixed(4)}`);
   say(reply.reason, !reply.granted);
   void updateHistory();
@@ -453,8 +440,8 @@ let chosenTarget = "";
 function updateTargets(): void {
   const select = $<HTMLSelectElement>("teach-target");
   const names = store.scene?.targets.map((t) => t.name) ?? [];
-  if (!names.length || [...select.options].map((o) => o.value).join("\n") === names.join("\n")) return;
-  select.replaceChildren(...names.map((name) => new Option(name, name)));
+  if (!names.length) return;
+  setOptions(select, names.map((name) => [name, name]));
   if (names.includes(chosenTarget)) select.value = chosenTarget;
 }
 
@@ -471,36 +458,37 @@ export function takeSceneForTeaching(scene: Scene): void {
 export function openTeaching(target: string): void {
   chosenTarget = target;
   $<HTMLSelectElement>("teach-target").value = target;
-  if (panel.hidden) open();
-  else startAgain();
+  if (isOpen("teach")) startAgain();
+  else show("teach");
+}
+
+function whyNot(): string {
+  const { scene } = store;
+  if (!scene || !store.connected) return "No service is connected.";
+  if (!scene.may_teach) return scene.why_not;
+  return scene.targets.length ? "" : "The configuration has no target to teach: add one under Targets.";
 }
 
 export function updateTeach(serving: boolean): void {
-  const scene = store.scene;
-  const button = $<HTMLButtonElement>("teach-open");
-  const allowed = serving && !!scene?.may_teach && scene.targets.length > 0;
+  const { scene } = store;
+  const isShown = isOpen("teach");
+  const was = panel.hasAttribute("data-refused");
+  if (serving || !isShown || !pictures.length) refuse("teach", serving ? whyNot() : "No service is connected.");
   updateTargets();
   updateRadius();
   // Another service does not have these pictures.
-  if (!panel.hidden && serving && scene && service !== serviceOf(scene)) {
-    pictures = [];
-    $("teach-pictures").replaceChildren();
-    if (allowed) open();
-    else close();
+  const isOther = serving && scene && service !== serviceOf(scene);
+  if (isShown && serving && !whyNot() && (isOther || (was && !pictures.length && !pending))) {
+    letGo();
+    ignored = (scene?.ignored ?? []).map((i) => ({ camera: i.camera, box: [...i.box] as Ignore["box"] }));
+    startAgain();
   }
-  button.disabled = !allowed && panel.hidden;
-  $("teach-why").textContent = !serving ? "" : scene && !scene.may_teach ? scene.why_not : scene && !scene.targets.length ? "The configuration has no target to teach." : "";
   $("teach-resume").hidden = !serving || store.status?.mode !== "held";
 }
 
-$("teach-open").addEventListener("click", () => (panel.hidden ? open() : close()));
+onTool("teach", { opened, closed });
 $("teach-resume").addEventListener("click", () => void ask("resume"));
-$("teach-close").addEventListener("click", () => {
-  close();
-  $("teach-open").focus();
-});
 $("teach-freeze").addEventListener("click", startAgain);
-$("teach-again").addEventListener("click", startAgain);
 $("teach-wider").addEventListener("click", () => widen(1));
 $("teach-narrower").addEventListener("click", () => widen(-1));
 $("teach-save").addEventListener("click", save);
@@ -509,6 +497,7 @@ $("teach-save-ignored").addEventListener("click", () => void ask("ignore"));
 for (const word of ["undo", "redo"] as const)
   $(`teach-${word}`).addEventListener("click", async () => {
     isUndoing = true;
+    say("Working…", false, true);
     const reply = await stepHistory(word);
     isUndoing &&= reply.granted;
     say(reply.reason, !reply.granted);
@@ -521,15 +510,12 @@ $("teach-clear").addEventListener("click", () => {
 });
 $<HTMLInputElement>("teach-mask").addEventListener("change", () => {
   pictures.forEach(draw);
-  updateLiveMasks();
 });
 $<HTMLInputElement>("teach-ignore").addEventListener("change", (event) => {
   isIgnoring = (event.target as HTMLInputElement).checked;
-  $("teach-pictures").classList.toggle("drawing", isIgnoring);
   say(isIgnoring ? "Drag a rectangle over what should never match (with keys: Enter, arrows, Enter)." : "Click on the object in one picture.");
 });
 $("teach-target").addEventListener("change", () => {
   chosenTarget = $<HTMLSelectElement>("teach-target").value;
   startAgain();
 });
-addEventListener("resize", () => pictures.forEach(draw));
