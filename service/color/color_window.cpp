@@ -346,6 +346,9 @@ bool MatchBits::has_any(int u, int v) const {
   return any != 0;
 }
 
+// capacity: decoding one tile of an image takes as long as bounds of so many
+constexpr std::size_t tiles_as_bounds = 25;
+
 void MatchBits::look(const PixelBox& box) {
   if (box.empty()) return;
   const auto first = [](int p) { return (std::max(p, 0) + margin) / tile_size; };
@@ -358,7 +361,30 @@ void MatchBits::look(const PixelBox& box) {
       unknown_[n++] = {static_cast<std::uint16_t>(tu), static_cast<std::uint16_t>(tv)};
     }
   }
+  if (found_ == nullptr && on_demand_ != nullptr && n > tile_frame_.size() / tiles_as_bounds)
+    n = without_impossible({unknown_.data(), n}, box);
   fill({unknown_.data(), n});
+}
+
+// Stores that tiles have no match whose bounds exclude the colour, and returns how many are left, in front.
+std::size_t MatchBits::without_impossible(std::span<TileAt> tiles, const PixelBox& box) {
+  // A tile reaches up to its size beyond the box.
+  const UnitFilter filter(*on_demand_, *table_,
+                          {box.u_min - tile_size, box.v_min - tile_size, box.u_max + tile_size, box.v_max + tile_size});
+  const auto is_impossible = [&](TileAt tile) {
+    const bool is_in_image =
+        tile.pixel_u() >= 0 && tile.pixel_v() >= 0 && tile.pixel_u() < width_ && tile.pixel_v() < height_;
+    return is_in_image && !filter.may_match(tile.pixel_u(), tile.pixel_v());
+  };
+  constexpr std::uint64_t nothing = 0;
+  std::size_t left = 0;
+  for (const TileAt tile : tiles) {
+    if (is_impossible(tile))
+      store({&tile, 1}, &nothing);
+    else
+      tiles[left++] = tile;
+  }
+  return left;
 }
 
 namespace {

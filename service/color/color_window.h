@@ -132,6 +132,7 @@ class MatchBits {
   std::uint8_t* marked() { return &mark_[static_cast<std::size_t>(mark_front + cell_stride_)]; }  // of the first cell
   void look_at_marked(int cell_u_min, int cell_v_min, int cell_u_max, int cell_v_max);
   void fill(std::span<const TileAt> tiles);
+  std::size_t without_impossible(std::span<TileAt> tiles, const PixelBox& box);
   void fill_inside(std::span<const TileAt> tiles);  // of tiles that lie wholly inside the image
   void store(std::span<const TileAt> tiles, const std::uint64_t* bits);
   void fetch(std::span<const TileAt> tiles) const;

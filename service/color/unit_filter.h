@@ -8,6 +8,7 @@
 
 #include "capture/frames/pixel_format.h"
 #include "color/color_model.h"
+#include "color/color_window.h"
 #include "color/window_kernels.h"
 
 namespace huetrack::color {
@@ -18,8 +19,11 @@ class UnitFilter {
   // Of the pixels (step/2 + i step, step/2 + j step); a step of 1 or 2 is all of them. pixels: of an image that `table`
   // is for; nullptr: all pixels are there, and table may be nullptr.
   UnitFilter(const capture::PixelsOnDemand* pixels, const ColorTable* table, int step);
+  // Of the pixels of this box.
+  UnitFilter(const capture::PixelsOnDemand& pixels, const ColorTable& table, const PixelBox& box);
 
-  // Of a pixel of the grid, inside the image. False: it does not match, and may not be decoded. True: it may match.
+  // Of a pixel of the grid or box, inside the image. False: it does not match, and may not be decoded. True: it may
+  // match.
   bool may_match(int u, int v) const {
     return may_.empty() || may_[static_cast<std::size_t>((v >> row_shift_) * columns_ + (u >> column_shift_))] != 0;
   }
@@ -27,6 +31,8 @@ class UnitFilter {
   void require() const;
 
  private:
+  bool may_contain(std::size_t unit, std::span<const capture::PixelBounds> bounds, const ColorTable& table) const;
+
   const capture::PixelsOnDemand* const pixels_;
   int column_shift_ = 0, row_shift_ = 0, columns_ = 0;
   std::vector<std::uint8_t> may_;  // per unit; empty: everywhere

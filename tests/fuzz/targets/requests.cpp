@@ -49,6 +49,9 @@ class Playing final : public page::Playback {
     if (!(speed >= 0)) throw std::logic_error("a replay of no speed");
     state_.speed = speed;
   }
+  void seek(double position_s) override {
+    if (!(position_s >= 0)) throw std::logic_error("a replay before its beginning");
+  }
 
  private:
   page::PlaybackState state_;
