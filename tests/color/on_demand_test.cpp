@@ -72,6 +72,19 @@ TEST_P(OnDemandBits, OfBoxes) {
   EXPECT_LE(decoded_, 40U);
 }
 
+// Boxes of more than a twenty-fifth of the image: by the bounds of their units.
+TEST_P(OnDemandBits, OfLargeBoxes) {
+  for (const PixelBox box : {PixelBox{-9, -9, 400, 200}, {101, 33, 303, 148}, {0, 75, 330, 91}}) {
+    expect_same([box](MatchBits& bits) {
+      bits.look(box);
+      std::vector<std::uint64_t> rows;
+      for (int v = std::max(0, box.v_min); v <= std::min(box.v_max, height - 1); ++v)
+        for (int u = std::max(0, box.u_min); u < std::min(box.u_max, width); u += 57) rows.push_back(bits.row(u, v));
+      return rows;
+    });
+  }
+}
+
 TEST_P(OnDemandBits, OfSinglePixelsAndTiles) {
   expect_same([](MatchBits& bits) {
     std::vector<std::uint64_t> out;
@@ -128,6 +141,11 @@ TEST(UnitFilter, LeavesOutWhatCannotMatch) {
   bits.grid(2, hits);
   EXPECT_EQ(hits.size(), 9U);
   EXPECT_EQ(image.on_demand->decoded_units(), 1U);
+  const capture::Image again = capture::on_demand_copy(made.image, true);
+  bits.look_at(again, table);
+  bits.look({200, 150, 500, 350});
+  EXPECT_NE(bits.row(290, 202), 0U);
+  EXPECT_EQ(again.on_demand->decoded_units(), 1U);
 }
 
 }  // namespace
