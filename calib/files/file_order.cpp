@@ -67,12 +67,13 @@ struct Number {
   }
 };
 
-Number unsigned_number_at(std::string_view text, std::size_t at) {
+// is_decimal: digits after a point are a fraction.
+Number unsigned_number_at(std::string_view text, std::size_t at, bool is_decimal = false) {
   Number number{.end = end_of_number(text, at)};
   number.whole = text.substr(at, number.end - at);
   number.whole.remove_prefix(std::min(number.whole.find_first_not_of('0'), number.whole.size()));
   if (number.end < text.size() && text[number.end] == '.' && is_digit(text, number.end + 1) &&
-      is_fraction(text, number.end + 1)) {
+      (is_decimal || is_fraction(text, number.end + 1))) {
     const std::size_t begin = number.end + 1;
     number.end = end_of_number(text, begin);
     number.fraction = text.substr(begin, number.end - begin);
@@ -90,12 +91,16 @@ int compare(const Number& a, const Number& b) {
   return c < 0 ? -toward_later : c > 0 ? toward_later : 0;
 }
 
-// The text between the numbers, which are #.
+char lower(char c) {
+  return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+}
+
+// The text between the numbers, which are #. Letters are small.
 std::string skeleton_of(std::string_view text) {
   std::string skeleton;
   for (std::size_t at = 0; at < text.size(); ++at)
     if (!is_digit(text, at))
-      skeleton += text[at];
+      skeleton += lower(text[at]);
     else if (!is_digit(text, at + 1))
       skeleton += '#';
   return skeleton;
@@ -108,6 +113,7 @@ class NameOrder {
   // throws ConfigError: a "-" may be a sign or a separator
   explicit NameOrder(const std::vector<fs::path>& files) {
     find_signs(files);
+    find_decimals(files);
     is_hexadecimal_ = are_hexadecimal(files);
   }
 
@@ -119,7 +125,7 @@ class NameOrder {
     while (i < a.size() && j < b.size()) {
       const auto x = number_at(a, i), y = number_at(b, j);
       if (!x || !y) {
-        if (a[i] != b[j]) return a[i] < b[j];
+        if (lower(a[i]) != lower(b[j])) return lower(a[i]) < lower(b[j]);
         ++i, ++j;
         continue;
       }
@@ -131,10 +137,11 @@ class NameOrder {
   }
 
   std::optional<Number> number_at(std::string_view text, std::size_t at) const {
-    if (is_digit(text, at)) return unsigned_number_at(text, at);
+    const bool is_decimal = !decimal_.empty() && decimal_.contains(skeleton_of(text.substr(0, at)));
+    if (is_digit(text, at)) return unsigned_number_at(text, at, is_decimal);
     if (!may_be_sign(text, at) || signed_.empty() || !signed_.contains(skeleton_of(text.substr(0, at))))
       return std::nullopt;
-    Number number = unsigned_number_at(text, at + 1);
+    Number number = unsigned_number_at(text, at + 1, is_decimal);
     number.is_negative = text[at] == '-';
     return number;
   }
@@ -147,6 +154,7 @@ class NameOrder {
     struct Seen {
       std::set<double> values;
       const fs::path* negative = nullptr;
+      bool has_other = false;
     };
     std::map<std::string, Seen> places;  // by the text before the number
     for (const fs::path& file : files) {
@@ -158,11 +166,14 @@ class NameOrder {
         number.is_negative = has_sign && name[at] == '-';
         Seen& seen = places[skeleton_of(name.substr(0, at))];
         seen.values.insert(number.value());
-        if (number.is_negative) seen.negative = &file;
+        if (number.is_negative)
+          seen.negative = &file;
+        else
+          seen.has_other = true;
       }
     }
     for (const auto& [text, seen] : places) {
-      if (seen.negative == nullptr || *seen.values.rbegin() < 0) continue;
+      if (seen.negative == nullptr || !seen.has_other) continue;
       if (!goes_on_across_zero(seen.values))
         throw ConfigError(*seen.negative, 0,
                           "has a - before its number, which other names do not have, and the numbers do not go on from "
@@ -170,6 +181,41 @@ class NameOrder {
                           "known: rename the files, or give those of one kind only");
       signed_.insert(text);
     }
+  }
+
+  // Times as programs print them, without trailing zeros: 0.9, 0.9333, 1, 1.0333. As fractions the numbers at one place
+  // are all different and go on in even steps; parts and counters, as in 1.9, 1.10, do not.
+  void find_decimals(const std::vector<fs::path>& files) {
+    std::map<std::string, std::vector<double>> places;  // by the text before the number
+    std::set<std::string> with_fraction;
+    for (const fs::path& file : files) {
+      const std::string_view name = without_extension(file.native());
+      for (std::size_t at = 0; at < name.size(); ++at) {
+        const bool begins = is_digit(name, at) && (at == 0 || !is_digit(name, at - 1));
+        if (!begins) continue;
+        const bool is_signed =
+            at > 0 && may_be_sign(name, at - 1) && signed_.contains(skeleton_of(name.substr(0, at - 1)));
+        const std::string text = skeleton_of(name.substr(0, is_signed ? at - 1 : at));
+        Number number = unsigned_number_at(name, at, true);
+        number.is_negative = is_signed && name[at - 1] == '-';
+        places[text].push_back(number.value());
+        if (number.fraction) with_fraction.insert(text);
+        at = number.end - 1;
+      }
+    }
+    for (const std::string& text : with_fraction)
+      if (std::vector<double>& values = places[text]; values.size() == files.size() && are_even(values))
+        decimal_.insert(text);
+  }
+
+  static bool are_even(std::vector<double>& values) {
+    std::ranges::sort(values);
+    std::vector<double> steps;
+    for (std::size_t i = 1; i < values.size(); ++i) steps.push_back(values[i] - values[i - 1]);
+    constexpr std::size_t least_steps = 3;  // v1.9 and v1.10 are as far apart as any two
+    if (steps.size() < least_steps) return false;
+    const auto [least, most] = std::ranges::minmax(steps);
+    return least > 0 && most < 2 * least;  // between two numbers there is no place for another
   }
 
   // No number has its place between the last negative one and the first that is not.
@@ -209,7 +255,8 @@ class NameOrder {
     return has_letters && most - least < 2 * files.size();
   }
 
-  std::set<std::string> signed_;  // texts before a number with a sign
+  std::set<std::string> signed_;   // texts before a number with a sign
+  std::set<std::string> decimal_;  // texts before a number with a fraction
   bool is_hexadecimal_ = false;
 };
 

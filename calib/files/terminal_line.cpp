@@ -8,15 +8,30 @@
 
 namespace huetrack::files {
 
-TerminalLine::TerminalLine(bool wanted) : on_terminal_(wanted && isatty(STDERR_FILENO) == 1) {}
+namespace {
+
+using Clock = std::chrono::steady_clock;
+constexpr std::chrono::milliseconds redrawn_after(100), written_after(3000);
+
+}  // namespace
+
+TerminalLine::TerminalLine(bool wanted)
+    : wanted_(wanted),
+      on_terminal_(wanted && isatty(STDERR_FILENO) == 1),
+      last_(on_terminal_ ? Clock::time_point{} : Clock::now()) {}
 
 bool TerminalLine::due() const {
-  return on_terminal_ && std::chrono::steady_clock::now() - last_ >= std::chrono::milliseconds(100);
+  return wanted_ && Clock::now() - last_ >= (on_terminal_ ? redrawn_after : written_after);
 }
 
 void TerminalLine::draw(const std::string& lines) {
-  if (!on_terminal_) return;
-  last_ = std::chrono::steady_clock::now();
+  if (!on_terminal_) {
+    if (!due()) return;
+    last_ = Clock::now();
+    std::fputs((lines + '\n').c_str(), stderr);
+    return;
+  }
+  last_ = Clock::now();
   // Line wrap off: a wrapped line could not be overwritten.
   std::string text = to_start() + "\x1b[?7l";
   for (const char c : lines) text += c == '\n' ? "\x1b[K\n" : std::string(1, c);

@@ -17,7 +17,7 @@ void send_to_program(const std::string& kind, const std::vector<std::string>& fi
 
 class ProgressLine {
  public:
-  // Draws only if `wanted` and stderr is a terminal. Machine-readable: always writes.
+  // wanted: as TerminalLine. Machine-readable: always writes.
   explicit ProgressLine(bool wanted);
   // From now on calls send_to_program() instead of drawing. Call before a second thread starts.
   static void set_machine_readable();

@@ -48,6 +48,10 @@ WavedInput input_of(const WaveCommand& o) {
       throw gather::InputError("--config has lenses and colours: omit --lens and --hue");
     return configured_input(o);
   }
+  constexpr double least_mm = 2;  // a ball of less is a slip of the unit
+  if (o.radius_mm < least_mm)
+    throw gather::InputError(
+        fmt::format("--radius {:g} is in millimetres: did you mean {:g}?", o.radius_mm, 1e3 * o.radius_mm));
   if (o.hue.empty())
     throw gather::InputError("give --config huetrackd.yaml; or, without one, the target's --hue and --radius");
   WavedInput in;

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <numbers>
 
 #include "calib/report/advice.h"
@@ -102,6 +103,20 @@ void doubt_camera(WaveReport& report, const WaveResult& result, const WaveCamera
         fmt::format("{} saw the ball in only {:.0f} % of its image: wave it in the rest of its view, too", name,
                     1e2 * camera.coverage));
   }
+}
+
+// Where the ball was: the part of the world for which the rig is good.
+std::string volume_text(const WaveResult& result) {
+  const auto text_of = [](const Eigen::Vector3d& p) {
+    return fmt::format("[{:.2f}, {:.2f}, {:.2f}]", p.x(), p.y(), p.z());
+  };
+  return fmt::format(
+      "The ball was between {} and {} m of the rig's world{}: give such a part as object_tracking: {{volume: "
+      "{{min: ..., max: ...}}}}",
+      text_of(result.path_min), text_of(result.path_max),
+      result.had_poses
+          ? ""
+          : ", whose origin is the first camera, z up in its picture (huetrack-calibrate world sets another)");
 }
 
 // A given lens that the ball contradicts.
@@ -214,6 +229,7 @@ WaveReport report_on(const WaveResult& result) {
   if (!result.held_poses) report.scale_from = scale_text(result);
   report.notes = notes_on(result);
   note_lenses(report, result);
+  if (!result.held_poses) report.notes.push_back(volume_text(result));
   if (result.marks_error_m && *result.marks_error_m > far_mark_m) {
     report.doubts.push_back(
         fmt::format("a marked point has an error of {:.0f} mm: measure them again, and check the times",
@@ -269,6 +285,20 @@ Table cameras_table(const WaveResult& result) {
   return table;
 }
 
+Table lenses_table(const WaveResult& result) {
+  Table table{.head = {"camera", "focal length px", "+- px", "picture deg wide", "off the given lens, px rms"},
+              .rows = {}};
+  for (std::size_t c = 0; c < result.cameras.size(); ++c) {
+    const WaveCamera& camera = result.cameras[c];
+    const calib::Camera& found = result.rig.cameras[c];
+    const double fx = found.model.fx();
+    table.rows.push_back({found.name, fmt::format("{:.1f}", fx), fmt::format("{:.1f}", fx * camera.longer_sigma),
+                          fmt::format("{:.0f}", 2 * deg * std::atan(0.5 * found.image_size.width / fx)),
+                          result.guessed_lenses ? "guessed" : fmt::format("{:.1f}", camera.lens_px)});
+  }
+  return table;
+}
+
 Table times_table(const WaveResult& result) {
   Table table{.head = {"camera", "latency ms", "+- ms", "readout ms", "+- ms"}, .rows = {}};
   for (const calib::Camera& camera : result.rig.cameras) {
@@ -306,7 +336,11 @@ Document document_of(const WaveReport& report, const WaveResult& result) {
     document.paragraph(fmt::format("{} and {} saw it together in {} frames.",
                                    result.rig.cameras[static_cast<std::size_t>(pair.a)].name,
                                    result.rig.cameras[static_cast<std::size_t>(pair.b)].name, pair.shared));
-  if (!result.held_poses) add_positions(document, report, result);
+  if (!result.held_poses) {
+    document.heading(result.guessed_lenses ? "Lenses, estimated from the ball; a board gives better ones" : "Lenses");
+    document.table(lenses_table(result));
+    add_positions(document, report, result);
+  }
   document.heading("Times");
   document.table(times_table(result));
   if (!report.notes.empty()) document.heading("Notes");

@@ -31,14 +31,14 @@ Eigen::MatrixXd ShapeErrors::of_camera(Eigen::Index c, const Vector3d& centre) c
   error.block<6, 6>(0, 6 * c).setIdentity();
   if (places == 0) return error;
   error.topRows<3>() -= alignment.topRows<3>() - cross_matrix(centre) * alignment.bottomRows<3>();
-  error.bottomRows<3>() -= alignment.bottomRows<3>();
+  error.bottomRows<3>() += alignment.bottomRows<3>();  // rotations are of cam_from_world: against the world's
   return error;
 }
 
 calib::RigUncertainty ShapeErrors::uncertainty(const calib::CameraRig& rig, const WaveState& state,
                                                const Eigen::MatrixXd& covariance, double scale_sigma) const {
   const auto n = static_cast<Eigen::Index>(state.cam_from_world.size());
-  // RigUncertainty is in the cameras' own axes, as an error of cam_from_world: opposite sign.
+  // RigUncertainty is in the cameras' own axes, as an error of cam_from_world: t = -R centre.
   std::vector<calib::RigUncertainty::CameraParameters> cameras;
   Eigen::Index size = 0;
   for (const calib::Camera& camera : rig.cameras) {
@@ -57,7 +57,7 @@ calib::RigUncertainty ShapeErrors::uncertainty(const calib::CameraRig& rig, cons
     by_found.block<2, 1>(at, lens) = calib::parameters_of(rig.cameras[static_cast<std::size_t>(c)].model).head<2>();
     by_found.block<lens_freedom - 1, lens_freedom - 1>(at + 2, lens + 1).setIdentity();
     at += cameras[static_cast<std::size_t>(c)].lens_count;
-    by_found.middleRows<3>(at) = -turn * aligned.bottomRows<3>();
+    by_found.middleRows<3>(at) = turn * aligned.bottomRows<3>();
     by_found.middleRows<3>(at + 3) = -turn * aligned.topRows<3>();
     by_scale.segment<3>(at + 3) = -turn * (scale_sigma * (centre - middle));
     at += 6;

@@ -108,6 +108,26 @@ struct Found {
 
 constexpr double most_agree = 0.7;  // share of the frames, from a start that was good enough
 
+// A given lens is right, or wrong and would pull everything else along: the better solution of both. throws
+// CalibrationError
+std::unique_ptr<WaveSolution> solved(const WaveSolution& unsolved, const WaveStart& start, bool any_scale,
+                                     const WaveOptions& options) {
+  std::unique_ptr<WaveSolution> best;
+  std::optional<solver::CalibrationError> refused;
+  for (const bool lenses_first : {false, true}) {
+    if (lenses_first && (options.hold_poses || options.guessed_lenses)) break;
+    try {
+      auto solution = std::make_unique<WaveSolution>(unsolved);
+      solution->solve(start, any_scale, lenses_first);
+      if (!best || solution->misfit() < best->misfit()) best = std::move(solution);
+    } catch (const solver::CalibrationError& error) {
+      if (!refused) refused = error;
+    }
+  }
+  if (!best) throw solver::CalibrationError(*refused);
+  return best;
+}
+
 // Without poses. With guessed lenses, other focal lengths are tried until most of the frames agree. throws
 // CalibrationError
 std::unique_ptr<WaveSolution> from_nothing(calib::CameraRig rig, const std::vector<BallFrame>& frames,
@@ -121,8 +141,8 @@ std::unique_ptr<WaveSolution> from_nothing(calib::CameraRig rig, const std::vect
     change[0] = std::log(focal);
     for (calib::Camera& camera : tried.cameras) camera.model = changed(camera.model, change);
     try {
-      auto solution = std::make_unique<WaveSolution>(tried, frames, options);
-      solution->solve(start_from_nothing(tried, solution->tracks()), true);
+      const WaveSolution unsolved(tried, frames, options);
+      auto solution = solved(unsolved, start_from_nothing(tried, unsolved.tracks()), true, options);
       if (!best || solution->misfit() < best->misfit()) best = std::move(solution);
     } catch (const solver::CalibrationError& error) {
       if (!refused) refused = error;
@@ -135,30 +155,27 @@ std::unique_ptr<WaveSolution> from_nothing(calib::CameraRig rig, const std::vect
 
 // From the rig's poses; from nothing where there are none, or where they do not fit. throws CalibrationError
 Found find_solution(const calib::CameraRig& rig, const std::vector<BallFrame>& frames, const WaveOptions& options) {
-  auto solution = std::make_unique<WaveSolution>(rig, frames, options);
-  require_connected(rig, pairs_of(rig, solution->tracks()));
+  const WaveSolution unsolved(rig, frames, options);
+  require_connected(rig, pairs_of(rig, unsolved.tracks()));
   if (!options.has_poses) return {from_nothing(rig, frames, options), false};
   WaveStart start;
   for (const calib::Camera& camera : rig.cameras) start.cam_from_world.push_back(camera.cam_from_world);
-  if (options.hold_poses) {
-    solution->solve(start, false);
-    if (const double share = solution->used_share(); share < most_agree) {
-      throw solver::CalibrationError(
-          fmt::format(
-              "only {:.0f} % of the frames with the target's colour agree with the poses that the rig has: they "
-              "are not right, or the cameras' names are swapped",
-              1e2 * share),
-          solver::Fault::wrong_poses);
-    }
-    return {std::move(solution), false};
-  }
+  std::unique_ptr<WaveSolution> solution;
   std::optional<solver::CalibrationError> refused;
   try {
-    solution->solve(start, false);
+    solution = solved(unsolved, start, false, options);
   } catch (const solver::CalibrationError& error) {
+    if (options.hold_poses) throw;
     refused = error;
   }
-  if (!refused && solution->used_share() >= most_agree) return {std::move(solution), false};
+  if (solution && solution->used_share() >= most_agree) return {std::move(solution), false};
+  if (options.hold_poses) {
+    throw solver::CalibrationError(
+        fmt::format("only {:.0f} % of the frames with the target's colour agree with the poses that the rig has: they "
+                    "are not right, or the cameras' names are swapped",
+                    1e2 * solution->used_share()),
+        solver::Fault::wrong_poses);
+  }
   try {
     auto fresh = from_nothing(rig, frames, options);
     if (refused || fresh->misfit() < solution->misfit()) return {std::move(fresh), true};
@@ -376,7 +393,9 @@ void measure_path(WaveResult& result, const WaveSolution& wave, const std::vecto
     return path.at(wave.state().exposed_s(result.rig, o.camera, o.t_s, o.px));
   };
   for (const BallObservation& o : observations) mean += place(o) / count;
+  if (!observations.empty()) result.path_min = result.path_max = place(observations.front());
   for (const BallObservation& o : observations) {
+    result.path_min = result.path_min.cwiseMin(place(o)), result.path_max = result.path_max.cwiseMax(place(o));
     const Vector3d d = place(o) - mean;
     scatter += d * d.transpose() / count;
   }

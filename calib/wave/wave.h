@@ -111,7 +111,8 @@ struct WaveResult {
   double jerk_m_s3 = 0;                 // of the waving, estimated
   double duration_s = 0;
   Eigen::Vector3d extent_m = Eigen::Vector3d::Zero();  // of the path, along its principal axes, descending
-  double camera_distance_m = 0;                        // mean distance of the cameras from the path's middle
+  Eigen::Vector3d path_min = Eigen::Vector3d::Zero(), path_max = Eigen::Vector3d::Zero();  // in the rig's world, metres
+  double camera_distance_m = 0;  // mean distance of the cameras from the path's middle
 
   bool is_in_a_plane() const { return extent_m.z() < least_extent * camera_distance_m; }
 };

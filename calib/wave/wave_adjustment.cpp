@@ -167,6 +167,11 @@ Eigen::MatrixXd gain_of(ceres::Problem& problem, const std::vector<double*>& wan
   return (Eigen::MatrixXd(by_wanted) - by_point * path_by_wanted) * covariance;
 }
 
+// maths: square of the loss's scale in standard deviations, errors of a Cauchy distribution
+constexpr double cauchy_scale2 = 2;
+// Parameters of a lens that are right or wrong together: first and number.
+constexpr std::array<std::pair<int, int>, 3> lens_groups{{{0, 1}, {1, 2}, {3, 4}}};
+
 class QuietLog {  // Ceres logs every rejected step
  public:
   QuietLog() : level_(FLAGS_minloglevel) { FLAGS_minloglevel = google::GLOG_FATAL; }
@@ -375,14 +380,13 @@ class WaveProblem {
         problem_.SetParameterBlockConstant(state_.lenses[c].data());
         continue;
       }
-      add_lens_prior<1>(0, c);
-      add_lens_prior<2>(1, c);
-      add_lens_prior<4>(3, c);
+      add_lens_prior<lens_groups[0].first, lens_groups[0].second>(c);
+      add_lens_prior<lens_groups[1].first, lens_groups[1].second>(c);
+      add_lens_prior<lens_groups[2].first, lens_groups[2].second>(c);
     }
   }
-  template <int N>
-  void add_lens_prior(int first, std::size_t c) {
-    constexpr double loss = 1.41421356;  // maths: sqrt(2), errors of a Cauchy distribution
+  template <int first, int N>
+  void add_lens_prior(std::size_t c) {
     const double weight = options_.frames_as_one[c];
     const auto add = [&](const LensChange& sigma, ceres::LossFunction* of) {
       problem_.AddResidualBlock(
@@ -391,7 +395,8 @@ class WaveProblem {
       lens_rows_.insert(lens_rows_.end(), N, std::sqrt(weight));
     };
     add(options_.any_lens_sigmas[c], nullptr);
-    if (!options_.given_lens_sigmas.empty()) add(options_.given_lens_sigmas[c], new ceres::CauchyLoss(loss));
+    if (!options_.given_lens_sigmas.empty())
+      add(options_.given_lens_sigmas[c], new ceres::CauchyLoss(std::sqrt(cauchy_scale2)));
   }
   void add_smoothness() {
     std::vector<Vector3d>& control = state_.path.control;
@@ -492,6 +497,22 @@ Eigen::Matrix<double, 2, lens_freedom> by_change(const calib::PixelByLens& by_le
 
 calib::CameraModel WaveState::lens(const calib::CameraRig& rig, std::size_t camera) const {
   return lenses.empty() ? rig.cameras[camera].model : changed(rig.cameras[camera].model, lenses[camera]);
+}
+
+double lens_cost(const WaveAdjustmentOptions& options, const std::vector<LensChange>& lenses) {
+  double sum = 0;
+  for (std::size_t c = 0; c < std::min(lenses.size(), options.any_lens_sigmas.size()); ++c) {
+    const double weight = options.frames_as_one[c];
+    sum += weight / 2 * lenses[c].cwiseQuotient(options.any_lens_sigmas[c]).squaredNorm();
+    if (options.given_lens_sigmas.empty()) continue;
+    for (const auto& [first, count] : lens_groups) {
+      double squares = 0;
+      for (int i = first; i < first + count; ++i)
+        squares += std::pow(lenses[c][i] / options.given_lens_sigmas[c][i], 2);
+      sum += weight / 2 * cauchy_scale2 * std::log1p(squares / cauchy_scale2);
+    }
+  }
+  return sum;
 }
 
 WaveFit adjust_wave(const calib::CameraRig& rig, const std::vector<BallObservation>& observations, WaveState& state,

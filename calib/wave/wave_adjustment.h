@@ -102,6 +102,9 @@ struct WaveFit {
   Eigen::MatrixXd time_covariance;  // of each camera's latency and readout, seconds; 2 x cameras square
 };
 
+// Of the priors of these lenses.
+double lens_cost(const WaveAdjustmentOptions& options, const std::vector<LensChange>& lenses);
+
 // Moves `state` to the minimum. Deterministic.
 // throws CalibrationError: it does not converge, or path or poses (undetermined_poses) are not determined.
 WaveFit adjust_wave(const calib::CameraRig& rig, const std::vector<BallObservation>& observations, WaveState& state,

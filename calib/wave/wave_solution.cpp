@@ -118,7 +118,8 @@ void WaveSolution::find_span() {
   }
 }
 
-void WaveSolution::solve(const WaveStart& start, bool any_scale) {
+void WaveSolution::solve(const WaveStart& start, bool any_scale, bool lenses_first) {
+  lenses_first_ = is_solving_again_ = lenses_first;
   state_.cam_from_world = start.cam_from_world;
   for (std::size_t c = 0; c < start.later_s.size(); ++c) state_.times[c].latency_s += start.later_s[c];
   find_span();
@@ -147,6 +148,7 @@ void WaveSolution::solve(const WaveStart& start, bool any_scale) {
   rough_ = false;
   associate(rough_sigmas);
   refine(WaveSteps::refined);
+  is_solving_again_ = false;
 }
 
 void WaveSolution::refine(int step) {
@@ -183,7 +185,7 @@ void WaveSolution::keep_half(int half) {
 }
 
 double WaveSolution::misfit() const {
-  double sum = 0;
+  double sum = 2 * lens_cost(adjustment_options(), state_.lenses);
   for (std::size_t f = 0; f < frames_->size(); ++f) {
     if ((*frames_)[f].regions.empty()) continue;
     sum += chosen_[f] < 0 ? most_cost : std::min(most_cost, cost_of(f, region(f)).value_or(most_cost));
@@ -261,7 +263,7 @@ std::vector<BallObservation> WaveSolution::observations() const {
 }
 
 void WaveSolution::report_progress(const char* step, int done) const {
-  if (options_.progress) options_.progress(step, done, WaveSteps::all);
+  if (!is_solving_again_ && options_.progress) options_.progress(step, done, WaveSteps::all);
 }
 
 const color::ColorRegion& WaveSolution::region(std::size_t f) const {
@@ -293,8 +295,7 @@ WaveAdjustmentOptions WaveSolution::adjustment_options() const {
     const calib::Camera& camera = given_.cameras[c];
     o.any_lens_sigmas.push_back(any_lens.sigmas(camera));
     o.frames_as_one.push_back(o.correlation.frames_as_one(std::max(1e-3, frame_s_[c])));
-    // As for times: a wrong lens would pull everything else along.
-    if (rough_ || options_.guessed_lenses) continue;
+    if ((rough_ && lenses_first_) || options_.guessed_lenses) continue;
     LensChange& sigmas = o.given_lens_sigmas.emplace_back(given_lens.sigmas(camera));
     // No real lens is without distortion: nothing is given.
     if (calib::parameters_of(camera.model).tail<8>().isZero(0)) sigmas.tail<4>() = o.any_lens_sigmas.back().tail<4>();

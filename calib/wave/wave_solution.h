@@ -29,9 +29,9 @@ class WaveSolution {
  public:
   WaveSolution(const calib::CameraRig& rig, const std::vector<BallFrame>& frames, const WaveOptions& options);
 
-  // From these poses. any_scale: the start's scale is arbitrary; the ball's apparent size replaces it.
-  // throws CalibrationError
-  void solve(const WaveStart& start, bool any_scale);
+  // From these poses. any_scale: the start's scale is arbitrary; the ball's apparent size replaces it. lenses_first:
+  // the first poses are of free lenses. throws CalibrationError
+  void solve(const WaveStart& start, bool any_scale, bool lenses_first);
   // Alternates association, learnt noise model and adjustment. step: the first of WaveSteps::most_rounds reported.
   void refine(int step);
   // One more adjustment with the association as it is; sets the covariance.
@@ -42,7 +42,7 @@ class WaveSolution {
   // Keeps every other piece of the recording (1/20 of it, at least a second). half: 0 or 1.
   void keep_half(int half);
 
-  double misfit() const;      // cost to compare solutions by; lower is better
+  double misfit() const;      // cost to compare solutions by, with that of changed lenses; lower is better
   double used_share() const;  // of the frames with a region
   double exposed_s(const BallFrame& frame, const color::ColorRegion& region) const {
     return state_.exposed_s(rig_, frame.camera, frame.t_s, region.centre);
@@ -93,6 +93,8 @@ class WaveSolution {
   bool in_step_ = false;                // the cameras' stamps are synchronised
   std::vector<double> wander_s_;        // see set_wander()
   bool rough_ = true;                   // all outlines have the same covariance
+  bool lenses_first_ = false;           // see solve()
+  bool is_solving_again_ = false;       // progress was reported
   double jerk_m_s3_ = 60;               // see learn_jerk()
   std::vector<Eigen::Vector2d> blur2_;  // per camera: see learn_shapes()
   WaveState state_;

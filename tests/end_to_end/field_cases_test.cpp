@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cctype>
 #include <filesystem>
 #include <fstream>
 
@@ -47,9 +48,15 @@ class FieldCases : public testing::Test {
     Replayed replayed;
     replayed.status = process.wait();
     replayed.text = process.out() + process.err();
+    // Of the summary; a sentence of the same words may stand before it.
     constexpr std::string_view before = "rms error ";
-    if (const auto found = replayed.text.find(before); found != std::string::npos)
-      replayed.rms_mm = std::stod(replayed.text.substr(found + before.size()));
+    std::size_t at = 0;
+    while ((at = replayed.text.find(before, at)) != std::string::npos) {
+      at += before.size();
+      if (std::isdigit(static_cast<unsigned char>(replayed.text[at])) == 0) continue;
+      replayed.rms_mm = std::stod(replayed.text.substr(at));
+      break;
+    }
     return replayed;
   }
   // A recording.yaml with these lines for its cameras.

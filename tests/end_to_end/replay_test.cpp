@@ -205,6 +205,7 @@ TEST_F(EndToEnd, ASubscriberReceivesAtRealSpeedWhatTheCsvSays) {
   const Result daemon = run({HUETRACKD, "replay", config, recording, "--speed", "real", "--wait-for-subscriber", "20",
                              "--subscribers", "2", "--tracks", csv});
   EXPECT_GE(std::chrono::steady_clock::now() - started, 4966ms);  // its real speed
+  EXPECT_THAT(daemon.err, HasSubstr("x real time"));              // progress, where there is no terminal
   ASSERT_EQ(daemon.status, 0) << daemon.err;
   std::this_thread::sleep_for(500ms);
   watch->kill(SIGTERM);

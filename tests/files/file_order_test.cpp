@@ -48,11 +48,29 @@ TEST(FileOrder, AMinusIsASignWhereOtherNamesHaveNone) {
         {"t-2.png", "t-1.png", "t+0.png", "t+1.png", "t+10.png"},
         {"run1_f-2.png", "run1_f-1.png", "run2_f-1.png", "run2_f0.png"},
         {"-2.png", "-1.png", "0.png", "1.png"},
+        {"t-0.05.png", "t-0.017.png", "t0.017.png", "t0.05.png", "t0.083.png"},
         // separators
+        {"frame-0.png", "frame-1.png", "frame-2.png", "frame-10.png"},
         {"img-1.png", "img-2.png", "img-10.png"},
         {"2026-11-28.png", "2026-11-29.png", "2026-12-01.png"},
         {"a1.png", "a1-1.png", "a1-2.png", "a2.png"}})
     EXPECT_EQ(sorted(ordered), ordered);
+}
+
+// As programs print times, and other numbers with a point.
+TEST(FileOrder, EvenDecimalsAreFractions) {
+  for (const std::vector<std::filesystem::path>& ordered :
+       {std::vector<std::filesystem::path>{"0.jpg", "0.0333333.jpg", "0.0666667.jpg", "0.1.jpg", "0.133333.jpg",
+                                           "0.166667.jpg"},
+        {"f0.92.jpg", "f0.96.jpg", "f1.jpg", "f1.04.jpg", "f1.08.jpg"},
+        {"1.8.jpg", "1.9.jpg", "1.10.jpg", "1.11.jpg"},                      // counters
+        {"12.58.jpg", "12.59.jpg", "13.00.jpg", "13.01.jpg", "13.02.jpg"}})  // hours and minutes
+    EXPECT_EQ(sorted(ordered), ordered);
+}
+
+TEST(FileOrder, CaseDoesNotCount) {
+  const std::vector<std::filesystem::path> ordered{"IMG1.JPG", "img2.jpg", "Img3.jpg", "IMG10.JPG"};
+  EXPECT_EQ(sorted(ordered), ordered);
 }
 
 TEST(FileOrder, AMinusThatMayBeBothIsRefused) {

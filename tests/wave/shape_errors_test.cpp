@@ -49,6 +49,41 @@ TEST(ShapeErrors, MotionOfTheWholeWorldIsNoError) {
       1e-6);
 }
 
+TEST(ShapeErrors, MotionOfTheWholeWorldMovesNoCamera) {
+  const calib::CameraRig rig = rig_of(3);
+  const ShapeErrors shape = shape_errors(rig, poses_of_rig(rig), places_in(room));
+  const Eigen::VectorXd moved = motion_of_the_world(rig, {0.01, -0.02, 0.03}, {0.5, -1, 2});
+  for (int c = 0; c < 3; ++c)
+    EXPECT_LT((shape.of_camera(c, rig.cameras[std::size_t(c)].centre()) * moved).norm(), 1e-6 * moved.norm()) << c;
+}
+
+// What a tracker makes of the rig's uncertainty is what the report says.
+TEST(ShapeErrors, UncertaintyOfTheRigIsThatOfPositions) {
+  const calib::CameraRig rig = rig_of(3);
+  const WaveState state = poses_of_rig(rig);
+  const std::vector<Vector3d> places = places_in(room);
+  const ShapeErrors shape = shape_errors(rig, state, places);
+  Eigen::MatrixXd root = Eigen::MatrixXd::Random(3 * (6 + lens_freedom), 3 * (6 + lens_freedom));
+  for (int c = 0; c < 3; ++c) {
+    root.middleRows<6>(6 * c) *= 1e-3;
+    root.middleRows<lens_freedom>(18 + lens_freedom * c) *= 1e-3;
+    root.middleRows<2>(18 + lens_freedom * c + 1) *= 1e3;
+  }
+  const Eigen::MatrixXd covariance = root * root.transpose();
+  calib::CameraRig uncertain = rig;
+  uncertain.uncertainty = shape.uncertainty(rig, state, covariance, 0);
+  double sum = 0;
+  for (const Vector3d& p : places) {
+    std::vector<calib::PlaceView> views;
+    for (int c = 0; c < 3; ++c) {
+      const auto px = rig.cameras[std::size_t(c)].project_world(p);
+      if (px && rig.cameras[std::size_t(c)].contains(*px)) views.push_back({c, Eigen::Matrix2d::Identity()});
+    }
+    if (views.size() >= 2) sum += calib::rig_covariance_at(uncertain, p, views).trace() / shape.places;
+  }
+  EXPECT_NEAR(std::sqrt(sum), shape.rms(covariance), 1e-3 * shape.rms(covariance));
+}
+
 // Poses moved at random, places triangulated with them, aligned: as far off as was predicted.
 TEST(ShapeErrors, RmsIsThatOfTriangulatedPlaces) {
   const calib::CameraRig truth = rig_of(3);

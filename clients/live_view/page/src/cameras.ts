@@ -719,7 +719,7 @@ const isNarrow = () => matchMedia("(max-width: 760px)").matches;
 export function arrange(): void {
   const all = [...views.values()];
   const [width, height] = [stage.clientWidth - 20, stage.clientHeight - 20];
-  if (width <= 0 || height <= 0) return;
+  if (width <= 0 || height <= 0 || !all.length) return;
   const ratios = large ? [ratioOf(views.get(large)!)] : all.map(ratioOf);
   const chrome = 56; // of a panel: its title and its edges
   const beside = fitInto(ratios, width - Math.min(560, Math.max(290, width * 0.35)) - gap - 24, height - chrome);
@@ -757,8 +757,8 @@ export function forgetPictures(): void {
   for (const view of views.values()) view.card.remove();
   views.clear();
   large = "";
+  arranged = ""; // the next pictures are arranged, also if they are of the same cameras
   document.body.removeAttribute("data-large");
-  arrange();
   document.getElementById("no-cameras")!.hidden = false;
 }
 
