@@ -117,7 +117,11 @@ std::optional<Alignment> align(const Truth& truth, std::span<const TargetTrack> 
         if (const double rms_m = fitted(pairs, freedom).rms_m; rms_m < least_m) least_m = rms_m, best_s = offset_s;
       }
     };
-    search(0, furthest_s, coarse_s);
+    // A least error at the end of the search is none: it goes on from there, as long as track and truth overlap.
+    for (double middle_s = 0;; middle_s = best_s) {
+      search(middle_s, furthest_s, coarse_s);
+      if (std::abs(best_s - middle_s) < furthest_s - coarse_s / 2) break;
+    }
     search(best_s, coarse_s, fine_s);
   }
   Alignment best = fitted(best_s == 0 ? all : pairs_at(truth, tracks, 1, best_s), freedom);
