@@ -257,7 +257,8 @@ dds::DataWriterQos camera_frames_writer_qos() {
 dds::DataWriterQos camera_matches_writer_qos() {
   dds::DataWriterQos qos = camera_frames_writer_qos();
   qos.history().depth = matches_kept;
-  // Few datagrams. Fast DDS' asynchronous thread would spin as long as a capture thread holds the writer's mutex.
+  // Few datagrams, but for the picture of each second. Fast DDS' asynchronous thread would spin as long as a capture
+  // thread holds the writer's mutex.
   qos.publish_mode().kind = dds::SYNCHRONOUS_PUBLISH_MODE;
   qos.reliable_writer_qos().times.heartbeatPeriod = Duration_t(0, 40 * ms);
   return qos;

@@ -203,7 +203,7 @@ TEST_F(FieldCases, TruthsAreReadOrNamed) {
     EXPECT_LT(with(table, "20").rms_mm, 3) << table;
   EXPECT_THAT(with("truth_mm.csv", "0").text, HasSubstr("millimetres"));
   EXPECT_THAT(with("truth_plain_10s.csv", "0").text, HasSubstr("nothing can be compared"));
-  EXPECT_THAT(with("truth_motive.csv", "0").text, HasSubstr("has no column t: it has Format Version"));
+  EXPECT_LT(with("truth_motive.csv", "0").rms_mm, 3);
 }
 
 }  // namespace

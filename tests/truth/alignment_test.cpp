@@ -60,7 +60,7 @@ std::vector<Estimated> moved(std::vector<Estimated> estimates, double angle_rad,
 
 TEST_F(ClockOffsets, IsFoundIfItExplainsTheError) {
   const Truth truth = swinging(1);
-  for (const double late_s : {0.012, -0.03, 0.2}) {
+  for (const double late_s : {0.012, -0.03, 0.2, 0.6}) {
     const auto found = explained(truth, track(1, late_s));
     ASSERT_TRUE(found) << late_s;
     EXPECT_EQ(found->by.freedom, Freedom::none);

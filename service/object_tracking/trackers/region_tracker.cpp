@@ -264,7 +264,7 @@ void RegionTracker::start_compared(const ObjectSearch::Find& find, capture::Time
 
 void RegionTracker::start_at(const ObjectSearch::Find& find, capture::Timestamp set_at) {
   last_published_ = capture::Timestamp::min();
-  was_tracked_ = false;
+  was_tracked_ = is_kept_ = false;
   sightings_ = filter_.start(find.earlier, find.now, consistency_, set_at, find.dt, sets_apart_ == 0, last_published_);
   seen_ = sightings_;
   clutter_mask_.mark_clipped(sightings_);
