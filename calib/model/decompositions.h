@@ -79,27 +79,23 @@ using ProductPacket = Eigen::internal::packet_traits<double>::type;
   EXTERN template void Eigen::internal::evaluateProductBlockingSizesHeuristic<double, double, 4, Eigen::Index>(        \
       Eigen::Index&, Eigen::Index&, Eigen::Index&, Eigen::Index)
 
-// What tracking takes.
-#define HUETRACK_DECOMPOSITIONS(EXTERN)                                                          \
-  HUETRACK_PRODUCTS(EXTERN);                                                                     \
-  HUETRACK_EIGENVALUES(EXTERN, Eigen::Matrix2d);                                                 \
-  HUETRACK_EIGENVALUES(EXTERN, Eigen::Matrix3d);                                                 \
-  HUETRACK_EIGENVALUES(EXTERN, Eigen::MatrixXd);                                                 \
-  HUETRACK_LDLT(EXTERN, Eigen::Matrix3d, Eigen::Vector3d);                                       \
-  HUETRACK_LDLT(EXTERN, huetrack::calib::DecomposedMatrix6, huetrack::calib::DecomposedVector6); \
-  HUETRACK_LDLT(EXTERN, Eigen::MatrixXd, Eigen::VectorXd);                                       \
-  HUETRACK_LLT(EXTERN, Eigen::Matrix2d, Eigen::Vector2d);                                        \
-  HUETRACK_LLT(EXTERN, Eigen::Matrix3d, Eigen::Vector3d);                                        \
-  HUETRACK_LLT(EXTERN, huetrack::calib::DecomposedMatrix6, huetrack::calib::DecomposedVector6);  \
-  EXTERN template void Eigen::HouseholderQR<Eigen::MatrixXd>::computeInPlace();                  \
-  EXTERN template Eigen::AngleAxisd& Eigen::AngleAxisd::operator=                                \
-      <Eigen::Quaterniond>(const Eigen::QuaternionBase<Eigen::Quaterniond>&)
-// Used by calibration and camera tracking only: more_decompositions.cpp.
-#define HUETRACK_MORE_DECOMPOSITIONS(EXTERN)                                                        \
+#define HUETRACK_DECOMPOSITIONS(EXTERN)                                                             \
+  HUETRACK_PRODUCTS(EXTERN);                                                                        \
+  HUETRACK_EIGENVALUES(EXTERN, Eigen::Matrix2d);                                                    \
+  HUETRACK_EIGENVALUES(EXTERN, Eigen::Matrix3d);                                                    \
+  HUETRACK_EIGENVALUES(EXTERN, Eigen::MatrixXd);                                                    \
+  HUETRACK_LDLT(EXTERN, Eigen::Matrix3d, Eigen::Vector3d);                                          \
+  HUETRACK_LDLT(EXTERN, huetrack::calib::DecomposedMatrix6, huetrack::calib::DecomposedVector6);    \
+  HUETRACK_LDLT(EXTERN, Eigen::MatrixXd, Eigen::VectorXd);                                          \
+  HUETRACK_LLT(EXTERN, Eigen::Matrix2d, Eigen::Vector2d);                                           \
+  HUETRACK_LLT(EXTERN, Eigen::Matrix3d, Eigen::Vector3d);                                           \
+  HUETRACK_LLT(EXTERN, huetrack::calib::DecomposedMatrix6, huetrack::calib::DecomposedVector6);     \
   HUETRACK_INVERSE(EXTERN, huetrack::calib::DecomposedMatrix6);                                     \
   HUETRACK_SVD(EXTERN, Eigen::Matrix3d);                                                            \
   EXTERN template void Eigen::LDLT<Eigen::MatrixXd>::_solve_impl<Eigen::MatrixXd, Eigen::MatrixXd>( \
-      const Eigen::MatrixXd&, Eigen::MatrixXd&) const
+      const Eigen::MatrixXd&, Eigen::MatrixXd&) const;                                              \
+  EXTERN template void Eigen::HouseholderQR<Eigen::MatrixXd>::computeInPlace();                     \
+  EXTERN template Eigen::AngleAxisd& Eigen::AngleAxisd::operator=                                   \
+      <Eigen::Quaterniond>(const Eigen::QuaternionBase<Eigen::Quaterniond>&)
 
 HUETRACK_DECOMPOSITIONS(extern);
-HUETRACK_MORE_DECOMPOSITIONS(extern);

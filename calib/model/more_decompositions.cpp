@@ -1,3 +1,0 @@
-#include "calib/model/decompositions.h"
-
-HUETRACK_MORE_DECOMPOSITIONS();
