@@ -186,7 +186,7 @@ void CommandLine::add_plot() {
   command.add_option("--align", plot_.align, "first align the tracks with the truth; similarity: with a scale")
       ->transform(CLI::Transformer(freedoms).description(""))
       ->type_name("none|rigid|similarity");
-  command.add_flag("--align-time", plot_.align_time, "first estimate the clock offset, at most 0.5 s more");
+  command.add_flag("--align-time", plot_.align_time, "first estimate the clock offset, as far as both overlap");
   command.add_option("--out", plot_.out, "FILE.png, FILE.svg or FILE.html (self-contained)")->required();
 }
 

@@ -277,7 +277,7 @@ void add_compare_command(CLI::App& app, Command& chosen) {
   command->add_option("--align", options->align, "first align the tracks with the truth; similarity: with a scale")
       ->transform(word_of(freedoms))
       ->type_name("none|rigid|similarity");
-  command->add_flag("--align-time", options->align_time, "first estimate the clock offset, at most 0.5 s more");
+  command->add_flag("--align-time", options->align_time, "first estimate the clock offset, as far as both overlap");
   on_choice(*command, chosen, [options](const std::stop_token&) { compare(*options); });
 }
 

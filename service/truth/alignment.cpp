@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Geometry>
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
@@ -13,7 +14,8 @@ namespace {
 
 constexpr double furthest_s = 0.5;  // latencies of cameras are tenths of a second at most
 constexpr double coarse_s = 5e-3, fine_s = 2.5e-4;
-constexpr std::size_t fewest = 30, most_in_search = 500, most_kept = 4000;
+constexpr Eigen::Index fewest = 30;
+constexpr std::size_t most_in_search = 500, most_kept = 4000;
 constexpr double least_share = 0.8;  // of the estimates with a truth, with the offset
 constexpr double explains = 0.5;     // maximum ratio of the rms errors with and without it
 
@@ -21,52 +23,42 @@ std::chrono::nanoseconds duration_of(double s) {
   return std::chrono::round<std::chrono::nanoseconds>(std::chrono::duration<double>(s));
 }
 
-// Positions of the track and of the truth at the same times; every n-th.
+// Positions of the track and of the truth at the same times, a column each.
 struct Pairs {
-  std::vector<Eigen::Vector3d> track, truth;
+  Eigen::Matrix3Xd track, truth;
 };
 
+// Every n-th.
 Pairs pairs_at(const Truth& truth, std::span<const TargetTrack> tracks, std::size_t every, double offset_s) {
-  Pairs pairs;
+  std::vector<Eigen::Vector3d> of_track, of_truth;
   const auto offset = duration_of(offset_s);
   for (const TargetTrack& track : tracks)
     for (std::size_t i = 0; i < track.estimates.size(); i += every)
       if (const auto there = truth.position(track.target, track.estimates[i].at - offset)) {
-        pairs.track.push_back(track.estimates[i].position);
-        pairs.truth.push_back(*there);
+        of_track.push_back(track.estimates[i].position);
+        of_truth.push_back(*there);
       }
-  return pairs;
-}
-
-Eigen::Vector3d mean_of(const std::vector<Eigen::Vector3d>& points) {
-  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-  for (const Eigen::Vector3d& point : points) sum += point;
-  return sum / double(points.size());
+  const auto columns_of = [](const std::vector<Eigen::Vector3d>& points) -> Eigen::Matrix3Xd {
+    return Eigen::Map<const Eigen::Matrix3Xd>(points.empty() ? nullptr : points.front().data(), 3,
+                                              static_cast<Eigen::Index>(points.size()));
+  };
+  return {columns_of(of_track), columns_of(of_truth)};
 }
 
 // Umeyama, Least-squares estimation of transformation parameters between two point patterns, PAMI 1991. Not empty.
 Alignment fitted(const Pairs& pairs, Freedom freedom) {
   Alignment fit{.freedom = freedom};
-  const auto n = double(pairs.track.size());
   if (freedom != Freedom::none) {
-    const Eigen::Vector3d from = mean_of(pairs.track), to = mean_of(pairs.truth);
-    Eigen::Matrix3d cross = Eigen::Matrix3d::Zero();
-    double spread = 0;
-    for (std::size_t i = 0; i < pairs.track.size(); ++i) {
-      cross += (pairs.truth[i] - to) * (pairs.track[i] - from).transpose() / n;
-      spread += (pairs.track[i] - from).squaredNorm() / n;
-    }
-    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(cross, Eigen::ComputeFullU | Eigen::ComputeFullV);
-    Eigen::Vector3d signs(1, 1, svd.matrixU().determinant() * svd.matrixV().determinant() < 0 ? -1 : 1);
-    fit.rotation = svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
-    if (freedom == Freedom::similarity && spread > 0) fit.scale = svd.singularValues().dot(signs) / spread;
-    fit.translation = to - fit.scale * fit.rotation * from;
+    const Eigen::Vector3d from = pairs.track.rowwise().mean(), to = pairs.truth.rowwise().mean();
+    const bool has_size = !(pairs.track.colwise() - from).isZero(0);
+    const Eigen::Matrix4d onto = Eigen::umeyama(pairs.track, pairs.truth, freedom == Freedom::similarity && has_size);
+    fit.scale = std::cbrt(onto.topLeftCorner<3, 3>().determinant());
+    fit.rotation = onto.topLeftCorner<3, 3>() / fit.scale;
+    fit.translation = onto.topRightCorner<3, 1>();
     fit.shift_m = (to - from).norm();
   }
-  double squares = 0;
-  for (std::size_t i = 0; i < pairs.track.size(); ++i)
-    squares += (fit.scale * fit.rotation * pairs.track[i] + fit.translation - pairs.truth[i]).squaredNorm();
-  fit.rms_m = std::sqrt(squares / n);
+  const Eigen::Matrix3Xd left = ((fit.scale * fit.rotation * pairs.track).colwise() + fit.translation) - pairs.truth;
+  fit.rms_m = std::sqrt(left.squaredNorm() / double(left.cols()));
   return fit;
 }
 
@@ -102,7 +94,7 @@ std::optional<Alignment> align(const Truth& truth, std::span<const TargetTrack> 
   std::size_t count = 0;
   for (const TargetTrack& track : tracks) count += track.estimates.size();
   const Pairs all = pairs_at(truth, tracks, 1, 0);
-  if (all.track.size() < fewest) return std::nullopt;
+  if (all.track.cols() < fewest) return std::nullopt;
   double best_s = 0;
   if (aligns_time) {
     const std::size_t every = 1 + count / most_in_search;
@@ -112,7 +104,8 @@ std::optional<Alignment> align(const Truth& truth, std::span<const TargetTrack> 
       for (int k = -steps; k <= steps; ++k) {
         const double offset_s = around_s + k * step_s;
         const Pairs pairs = pairs_at(truth, tracks, every, offset_s);
-        if (pairs.track.empty() || double(pairs.track.size() * every) < least_share * double(all.track.size()))
+        if (pairs.track.cols() == 0 ||
+            double(pairs.track.cols()) * double(every) < least_share * double(all.track.cols()))
           continue;
         if (const double rms_m = fitted(pairs, freedom).rms_m; rms_m < least_m) least_m = rms_m, best_s = offset_s;
       }

@@ -43,8 +43,8 @@ struct Alignment {
   std::string text(double given_s = 0) const;
 };
 
-// The alignment with the least rms error (Umeyama, 1991), common to these tracks; a clock offset of at most 0.5 s.
-// nullopt: fewer than 30 estimates have a truth.
+// The alignment with the least rms error (Umeyama, 1991), common to these tracks; the clock offset nearest to 0 that
+// has one. nullopt: fewer than 30 estimates have a truth.
 std::optional<Alignment> align(const Truth& truth, std::span<const TargetTrack> tracks, Freedom freedom,
                                bool aligns_time);
 
