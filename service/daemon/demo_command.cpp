@@ -1,7 +1,6 @@
 #include "daemon/demo_command.h"
 
 #include <fmt/format.h>
-#include <stdlib.h>
 
 #include <cstdio>
 #include <fstream>
@@ -11,7 +10,7 @@
 #include <system_error>
 #include <vector>
 
-#include "calib/files/text_file.h"
+#include "calib/files/temporary_folder.h"
 #include "calib/model/rig_yaml.h"
 #include "config/service_config.h"
 #include "daemon/demo_cameras.h"
@@ -24,25 +23,6 @@ namespace fs = std::filesystem;
 
 constexpr const char* config_name = "huetrackd.yaml";
 constexpr const char* recording_name = "recording";
-
-// A folder of its own that is gone with this.
-class TemporaryFolder {
- public:
-  TemporaryFolder() : path_((fs::temp_directory_path() / "huetrack-demo-XXXXXX").string()) {
-    if (::mkdtemp(path_.data()) == nullptr)
-      throw std::system_error(errno, std::generic_category(), "the demo's temporary folder " + path_);
-  }
-  ~TemporaryFolder() {
-    std::error_code ignored;
-    fs::remove_all(path_, ignored);
-  }
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-  fs::path path() const { return path_; }
-
- private:
-  std::string path_;
-};
 
 void introduce(const DemoCommand& command, const fs::path& folder) {
   fmt::print(
@@ -85,8 +65,8 @@ fs::path copy_demo(const fs::path& from, const fs::path& to) {
 
 void run_demo(const DemoCommand& command, LiveRequests& requests, const std::stop_token& stop) {
   std::error_code none;
-  std::optional<TemporaryFolder> temporary;
-  if (command.folder.empty()) temporary.emplace();
+  std::optional<files::TemporaryFolder> temporary;
+  if (command.folder.empty()) temporary.emplace("huetrack-demo");
   const fs::path folder = temporary ? temporary->path() : fs::absolute(command.folder);
   const fs::path file = copy_demo(bundled_demo(fs::read_symlink("/proc/self/exe", none)), folder);
   config::ServiceConfig config = config::load_service_config(file);

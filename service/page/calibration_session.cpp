@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <stdlib.h>
 
 #include <algorithm>
 #include <array>
@@ -13,6 +12,7 @@
 #include <thread>
 #include <utility>
 
+#include "calib/files/temporary_folder.h"
 #include "calib/model/rig_yaml.h"
 #include "config/taught_file.h"
 #include "page/request_words.h"
@@ -140,25 +140,6 @@ void add_piece(Piece piece, const std::string& identity, msg::ControlReply& repl
   reply.rows().emplace_back().columns({std::to_string(piece.of_bytes), identity});
   reply.bytes(std::move(piece.bytes));
 }
-
-// Deleted with this.
-class PdfFolder {
- public:
-  PdfFolder() {
-    if (::mkdtemp(path_.data()) == nullptr)
-      throw std::runtime_error("no temporary folder for the board's PDF: is the disk full?");
-  }
-  ~PdfFolder() {
-    std::error_code none;
-    fs::remove_all(path_, none);
-  }
-  PdfFolder(const PdfFolder&) = delete;
-  PdfFolder& operator=(const PdfFolder&) = delete;
-  fs::path path() const { return path_; }
-
- private:
-  std::string path_ = (fs::temp_directory_path() / "huetrack-board-XXXXXX").string();
-};
 
 }  // namespace
 
@@ -303,7 +284,7 @@ void CalibrationSession::read_print(Words words, msg::ControlReply& reply) {
   const Words board = words.first(words.size() - 1);
   if (!std::ranges::equal(board, printed_for_) || print_.empty()) {
     std::vector<std::string> arguments = board_options(board, true);
-    const PdfFolder folder;
+    const files::TemporaryFolder folder("huetrack-board");
     const fs::path pdf = folder.path() / "board.pdf";
     arguments.insert(arguments.begin(), {"board", "--out=" + pdf.string()});
     std::string last_line;
