@@ -137,11 +137,12 @@ class NameOrder {
   }
 
   std::optional<Number> number_at(std::string_view text, std::size_t at) const {
-    const bool is_decimal = !decimal_.empty() && decimal_.contains(skeleton_of(text.substr(0, at)));
-    if (is_digit(text, at)) return unsigned_number_at(text, at, is_decimal);
-    if (!may_be_sign(text, at) || signed_.empty() || !signed_.contains(skeleton_of(text.substr(0, at))))
-      return std::nullopt;
-    Number number = unsigned_number_at(text, at + 1, is_decimal);
+    if (is_digit(text, at))
+      return unsigned_number_at(text, at, !decimal_.empty() && decimal_.contains(skeleton_of(text.substr(0, at))));
+    if (!may_be_sign(text, at) || signed_.empty()) return std::nullopt;
+    const std::string before = skeleton_of(text.substr(0, at));
+    if (!signed_.contains(before)) return std::nullopt;
+    Number number = unsigned_number_at(text, at + 1, decimal_.contains(before));
     number.is_negative = text[at] == '-';
     return number;
   }
@@ -149,6 +150,20 @@ class NameOrder {
   bool is_hexadecimal() const { return is_hexadecimal_; }
 
  private:
+  // Where numbers begin: visit(file, its name, place of the first digit, the number).
+  template <typename Visit>
+  static void visit_numbers(const std::vector<fs::path>& files, bool are_decimal, Visit visit) {
+    for (const fs::path& file : files) {
+      const std::string_view name = without_extension(file.native());
+      for (std::size_t at = 0; at < name.size(); ++at) {
+        if (!is_digit(name, at)) continue;
+        const Number number = unsigned_number_at(name, at, are_decimal);
+        visit(file, name, at, number);
+        at = number.end - 1;
+      }
+    }
+  }
+
   // As a separator, every name has it: then none has the number directly behind the same text, or behind a +.
   void find_signs(const std::vector<fs::path>& files) {
     struct Seen {
@@ -157,21 +172,20 @@ class NameOrder {
       bool has_other = false;
     };
     std::map<std::string, Seen> places;  // by the text before the number
-    for (const fs::path& file : files) {
-      const std::string_view name = without_extension(file.native());
-      for (std::size_t at = 0; at < name.size(); ++at) {
-        const bool has_sign = may_be_sign(name, at);
-        if (!has_sign && !(is_digit(name, at) && (at == 0 || !is_digit(name, at - 1)))) continue;
-        Number number = unsigned_number_at(name, has_sign ? at + 1 : at);
-        number.is_negative = has_sign && name[at] == '-';
-        Seen& seen = places[skeleton_of(name.substr(0, at))];
+    visit_numbers(files, false, [&](const fs::path& file, std::string_view name, std::size_t at, Number number) {
+      const auto note = [&](std::size_t begin) {
+        Seen& seen = places[skeleton_of(name.substr(0, begin))];
         seen.values.insert(number.value());
         if (number.is_negative)
           seen.negative = &file;
         else
           seen.has_other = true;
-      }
-    }
+      };
+      note(at);
+      if (at == 0 || !may_be_sign(name, at - 1)) return;
+      number.is_negative = name[at - 1] == '-';
+      note(at - 1);
+    });
     for (const auto& [text, seen] : places) {
       if (seen.negative == nullptr || !seen.has_other) continue;
       if (!goes_on_across_zero(seen.values))
@@ -188,21 +202,16 @@ class NameOrder {
   void find_decimals(const std::vector<fs::path>& files) {
     std::map<std::string, std::vector<double>> places;  // by the text before the number
     std::set<std::string> with_fraction;
-    for (const fs::path& file : files) {
-      const std::string_view name = without_extension(file.native());
-      for (std::size_t at = 0; at < name.size(); ++at) {
-        const bool begins = is_digit(name, at) && (at == 0 || !is_digit(name, at - 1));
-        if (!begins) continue;
-        const bool is_signed =
-            at > 0 && may_be_sign(name, at - 1) && signed_.contains(skeleton_of(name.substr(0, at - 1)));
-        const std::string text = skeleton_of(name.substr(0, is_signed ? at - 1 : at));
-        Number number = unsigned_number_at(name, at, true);
-        number.is_negative = is_signed && name[at - 1] == '-';
-        places[text].push_back(number.value());
-        if (number.fraction) with_fraction.insert(text);
-        at = number.end - 1;
-      }
-    }
+    visit_numbers(files, true, [&](const fs::path&, std::string_view name, std::size_t at, Number number) {
+      std::string text = skeleton_of(name.substr(0, at));
+      if (at > 0 && may_be_sign(name, at - 1))
+        if (std::string before = skeleton_of(name.substr(0, at - 1)); signed_.contains(before)) {
+          number.is_negative = name[at - 1] == '-';
+          text = std::move(before);
+        }
+      places[text].push_back(number.value());
+      if (number.fraction) with_fraction.insert(std::move(text));
+    });
     for (const std::string& text : with_fraction)
       if (std::vector<double>& values = places[text]; values.size() == files.size() && are_even(values))
         decimal_.insert(text);
@@ -230,8 +239,8 @@ class NameOrder {
     return across < 2 * *middle;
   }
 
-  // Hexadecimal counters of a fixed width, which letters order: names that differ only there, and nearly all of whose
-  // numbers are there.
+  // Hexadecimal counters of a fixed width, in alphabetical order: the names differ only there, and at least half of the
+  // numbers between the least and the largest one occur.
   static bool are_hexadecimal(const std::vector<fs::path>& files) {
     if (files.size() < 2) return false;
     const std::string_view first = without_extension(files.front().native());
@@ -269,6 +278,21 @@ bool numbers_ascend(std::string_view path_a, std::string_view path_b) {
 void sort_by_numbers(std::vector<fs::path>& files) {
   const NameOrder order(files);
   std::ranges::sort(files, [&](const fs::path& a, const fs::path& b) { return order(a.native(), b.native()); });
+}
+
+std::vector<double> last_numbers(const std::vector<fs::path>& files) {
+  const NameOrder order(files);
+  std::vector<double> numbers;
+  for (const fs::path& file : files) {
+    const std::string_view path = without_extension(file.native());
+    const std::size_t name = path.rfind('/') + 1;  // npos + 1 is 0
+    std::optional<Number> last;
+    for (std::size_t at = name; at < path.size(); ++at)
+      if (const auto number = order.number_at(path, at)) last = number, at = number->end - 1;
+    if (!last) return {};
+    numbers.push_back(last->value());
+  }
+  return numbers;
 }
 
 bool hold_an_order(const std::vector<fs::path>& files) {

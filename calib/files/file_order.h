@@ -13,12 +13,17 @@ namespace huetrack::files {
 bool numbers_ascend(std::string_view a, std::string_view b);
 
 // The names of one series in that order. A - before a number is a sign where other names have the number without it
-// (frame-60 ... frame89), else a separator (img-1 ... img-60). Counters may be hexadecimal, of a fixed width.
+// (frame-60 ... frame89), else a separator (img-1 ... img-60). Numbers with a point are fractions where they are all
+// different and in even steps then (0.9, 0.9333, 1). Upper and lower case are the same. Counters may be hexadecimal, of
+// a fixed width.
 // throws ConfigError: it may be either
 void sort_by_numbers(std::vector<std::filesystem::path>& files);
 
 // False: most names differ in letters, and no number at a place that all have tells them apart, as in UUIDs and hashes.
 bool hold_an_order(const std::vector<std::filesystem::path>& files);
+
+// The last number in each name, as it is read there; empty: a name has none. throws as sort_by_numbers()
+std::vector<double> last_numbers(const std::vector<std::filesystem::path>& files);
 
 // The files that match a glob (*, ?, [...]), in the order of sort_by_numbers(); empty: none. throws ConfigError
 std::vector<std::filesystem::path> files_of_glob(const std::string& pattern);

@@ -62,29 +62,10 @@ std::vector<ImageFile> files_of_pattern(const fs::path& pattern) {
   return files;
 }
 
-std::vector<std::int64_t> last_numbers(const std::vector<fs::path>& files) {
-  std::vector<std::pair<std::int64_t, bool>> found;  // with a - before it?
-  for (const fs::path& file : files) {
-    const std::string name = file.stem().string();
-    const std::size_t last = name.find_last_of(digits);
-    if (last == std::string::npos) return {};
-    const std::size_t above = name.find_last_not_of(digits, last);
-    const std::size_t first = above == std::string::npos ? 0 : above + 1;
-    const auto number = files::number_of<std::int64_t>(name.substr(first, last + 1 - first));
-    if (!number) return {};
-    found.emplace_back(*number, first > 0 && name[first - 1] == '-');
-  }
-  // A sign is not before all.
-  const bool has_signs = std::ranges::any_of(found, [](const auto& number) { return !number.second; });
-  std::vector<std::int64_t> numbers;
-  for (const auto& [number, is_after_minus] : found) numbers.push_back(has_signs && is_after_minus ? -number : number);
-  return numbers;
-}
-
 // A glob counts files, so a missing one shifts the times of all that follow. Index of the first file after a gap in
 // numbers that otherwise go up by one.
 std::optional<std::size_t> after_a_gap(const std::vector<fs::path>& files) {
-  const auto numbers = last_numbers(files);
+  const auto numbers = files::last_numbers(files);
   std::optional<std::size_t> after;
   std::size_t gaps = 0;
   for (std::size_t k = 1; k < numbers.size(); ++k) {
