@@ -369,7 +369,7 @@ void MatchBits::look(const PixelBox& box) {
 // Stores that tiles have no match whose bounds exclude the colour, and returns how many are left, in front.
 std::size_t MatchBits::without_impossible(std::span<TileAt> tiles, const PixelBox& box) {
   // A tile reaches up to its size beyond the box.
-  const UnitFilter filter(*on_demand_, *table_,
+  const UnitFilter filter(on_demand_, table_, 1,
                           {box.u_min - tile_size, box.v_min - tile_size, box.u_max + tile_size, box.v_max + tile_size});
   const auto is_impossible = [&](TileAt tile) {
     const bool is_in_image =

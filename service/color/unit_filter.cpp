@@ -15,44 +15,28 @@ bool has_point(int unit, int shift, int step) {
 
 }  // namespace
 
-UnitFilter::UnitFilter(const capture::PixelsOnDemand* pixels, const ColorTable* table, int step) : pixels_(pixels) {
+UnitFilter::UnitFilter(const capture::PixelsOnDemand* pixels, const ColorTable* table, int step, const PixelBox& box)
+    : pixels_(pixels) {
   if (pixels == nullptr) return;
   column_shift_ = pixels->column_shift(), row_shift_ = pixels->row_shift(), columns_ = pixels->columns();
   const auto bounds = pixels->bounds();
+  const auto may_contain = [&](std::size_t unit) {
+    if (bounds.empty()) return true;
+    capture::PixelBounds narrowed = bounds[unit];
+    if (!table->may_contain(narrowed)) return false;
+    pixels->narrow_chroma(unit, narrowed);
+    return table->may_contain(narrowed);
+  };
   may_.resize(pixels->units());
-  for (int row = 0; row < pixels->rows(); ++row) {
-    if (!has_point(row, row_shift_, step)) continue;
-    for (int column = 0; column < columns_; ++column) {
-      const auto unit = static_cast<std::size_t>(row * columns_ + column);
-      may_[unit] = has_point(column, column_shift_, step) && may_contain(unit, bounds, *table) ? 1 : 0;
-    }
-  }
-}
-
-UnitFilter::UnitFilter(const capture::PixelsOnDemand& pixels, const ColorTable& table, const PixelBox& box)
-    : pixels_(&pixels),
-      column_shift_(pixels.column_shift()),
-      row_shift_(pixels.row_shift()),
-      columns_(pixels.columns()),
-      may_(pixels.units()) {
-  const auto bounds = pixels.bounds();
-  const int last_row = std::min(box.v_max >> row_shift_, pixels.rows() - 1);
+  const int last_row = std::min(box.v_max >> row_shift_, pixels->rows() - 1);
   const int last_column = std::min(box.u_max >> column_shift_, columns_ - 1);
   for (int row = std::max(box.v_min, 0) >> row_shift_; row <= last_row; ++row) {
+    if (!has_point(row, row_shift_, step)) continue;
     for (int column = std::max(box.u_min, 0) >> column_shift_; column <= last_column; ++column) {
       const auto unit = static_cast<std::size_t>(row * columns_ + column);
-      may_[unit] = may_contain(unit, bounds, table) ? 1 : 0;
+      may_[unit] = has_point(column, column_shift_, step) && may_contain(unit) ? 1 : 0;
     }
   }
-}
-
-bool UnitFilter::may_contain(std::size_t unit, std::span<const capture::PixelBounds> bounds,
-                             const ColorTable& table) const {
-  if (bounds.empty()) return true;
-  capture::PixelBounds narrowed = bounds[unit];
-  if (!table.may_contain(narrowed)) return false;
-  pixels_->narrow_chroma(unit, narrowed);
-  return table.may_contain(narrowed);
 }
 
 void UnitFilter::require() const {

@@ -16,13 +16,12 @@ namespace huetrack::color {
 // thread-compatible.
 class UnitFilter {
  public:
-  // Of the pixels (step/2 + i step, step/2 + j step); a step of 1 or 2 is all of them. pixels: of an image that `table`
-  // is for; nullptr: all pixels are there, and table may be nullptr.
-  UnitFilter(const capture::PixelsOnDemand* pixels, const ColorTable* table, int step);
-  // Of the pixels of this box.
-  UnitFilter(const capture::PixelsOnDemand& pixels, const ColorTable& table, const PixelBox& box);
+  // Of the pixels (step/2 + i step, step/2 + j step) of this box; a step of 1 or 2 is all of them. pixels: of an image
+  // that `table` is for; nullptr: all pixels are there, and table may be nullptr.
+  UnitFilter(const capture::PixelsOnDemand* pixels, const ColorTable* table, int step,
+             const PixelBox& box = whole_image);
 
-  // Of a pixel of the grid or box, inside the image. False: it does not match, and may not be decoded. True: it may
+  // Of a pixel of the grid in the box, inside the image. False: it does not match, and may not be decoded. True: it may
   // match.
   bool may_match(int u, int v) const {
     return may_.empty() || may_[static_cast<std::size_t>((v >> row_shift_) * columns_ + (u >> column_shift_))] != 0;
@@ -31,7 +30,7 @@ class UnitFilter {
   void require() const;
 
  private:
-  bool may_contain(std::size_t unit, std::span<const capture::PixelBounds> bounds, const ColorTable& table) const;
+  static constexpr PixelBox whole_image{0, 0, 1 << 30, 1 << 30};
 
   const capture::PixelsOnDemand* const pixels_;
   int column_shift_ = 0, row_shift_ = 0, columns_ = 0;
