@@ -36,12 +36,9 @@ struct ObjectTracker::Impl {
     return Tracker(std::in_place_type<ManyTracker>, rig, target, options, stream);
   }
 
-  // Of several objects, the first that is tracked.
-  void learn_colour(const capture::FrameSet& set, std::span<const ObjectEstimate> estimates) {
-    const auto tracked = std::ranges::find(estimates, TrackState::tracking, &ObjectEstimate::state);
-    const ObjectEstimate& estimate = tracked != estimates.end() ? *tracked : estimates.front();
-    watch.update(set, estimate, follower.in_force());
-    if (adapts) std::visit([&](auto& t) { follower.follow(set, estimate, watch, t.views()); }, tracker);
+  void learn_colour() {
+    watch.update(*open, seen, follower.in_force());
+    if (adapts) std::visit([&](auto& t) { follower.follow(*open, seen, watch, t.views()); }, tracker);
   }
 
   // What both trackers of observation: huetrack have; by default nothing.
@@ -54,7 +51,7 @@ struct ObjectTracker::Impl {
 
   Tracker tracker;
   std::optional<capture::FrameSet> open = {};  // nothing was learnt of it yet
-  std::vector<ObjectEstimate> estimates = {};  // of it
+  ObjectEstimate seen = {};                    // of it; of several objects, the first that is tracked
   bool adapts;
   ColorWatch watch;
   ColorFollower follower;
@@ -138,7 +135,8 @@ void ObjectTracker::update(const capture::FrameSet& of_caller, std::vector<Objec
     else
       out.front() = std::get<PaperTracker>(impl_->tracker).update(set);
   }
-  impl_->estimates = out;
+  const auto tracked = std::ranges::find(out, TrackState::tracking, &ObjectEstimate::state);
+  impl_->seen = tracked != out.end() ? *tracked : out.front();
 }
 
 void ObjectTracker::learn() {
@@ -147,7 +145,7 @@ void ObjectTracker::learn() {
     many->learn();
   else if (auto* one = std::get_if<RegionTracker>(&impl_->tracker))
     one->learn();
-  impl_->learn_colour(*impl_->open, impl_->estimates);
+  impl_->learn_colour();
   impl_->open.reset();
 }
 
