@@ -60,7 +60,7 @@ std::string placement_note(const std::vector<calib::Camera>& cameras, bool is_in
   std::vector<calib::Camera> inverted = cameras;
   invert_poses(inverted);
   const Middle other = middle_of(inverted);
-  // Read the wrong way round, cameras around a place stand together near one point.
+  // With inverted poses, cameras around a place seem to be near one point.
   if (!other.is_in_all_pictures || other.widest <= as_it_is.widest || is_inverted) return note;
   const std::string what = fmt::format(
       "the poses inverted (world_from_cam; --inverted-poses), they are up to {:.3f} m apart "

@@ -111,12 +111,9 @@ std::string volume_text(const WaveResult& result) {
     return fmt::format("[{:.2f}, {:.2f}, {:.2f}]", p.x(), p.y(), p.z());
   };
   return fmt::format(
-      "The ball was between {} and {} m of the rig's world{}: give such a part as object_tracking: {{volume: "
+      "The ball was between {} and {} m of the rig's world: give such a part as object_tracking: {{volume: "
       "{{min: ..., max: ...}}}}",
-      text_of(result.path_min), text_of(result.path_max),
-      result.had_poses
-          ? ""
-          : ", whose origin is the first camera, z up in its picture (huetrack-calibrate world sets another)");
+      text_of(result.path_min), text_of(result.path_max));
 }
 
 // A given lens that the ball contradicts.

@@ -106,25 +106,47 @@ struct Found {
   bool rejected_rig_poses = false;  // see WaveResult
 };
 
-constexpr double most_agree = 0.7;  // share of the frames, from a start that was good enough
+// The solution with the least misfit.
+class BestSolution {
+ public:
+  // Of solve(), which may throw CalibrationError.
+  template <typename Solve>
+  void consider(Solve solve) {
+    try {
+      std::unique_ptr<WaveSolution> solution = solve();
+      if (!best_ || solution->misfit() < best_->misfit()) best_ = std::move(solution);
+    } catch (const solver::CalibrationError& error) {
+      if (!refused_) refused_ = error;
+    }
+  }
+  bool fits() const {
+    constexpr double most_agree = 0.7;  // share of the frames, from a start that was good enough
+    return best_ && best_->used_share() >= most_agree;
+  }
+  const std::unique_ptr<WaveSolution>& found() const { return best_; }
+  // throws CalibrationError, the first one: there is none
+  std::unique_ptr<WaveSolution> take() {
+    if (!best_) throw solver::CalibrationError(*refused_);
+    return std::move(best_);
+  }
+
+ private:
+  std::unique_ptr<WaveSolution> best_;
+  std::optional<solver::CalibrationError> refused_;
+};
 
 // A given lens is right, or wrong and would pull everything else along: the better solution of both. throws
 // CalibrationError
-std::unique_ptr<WaveSolution> solved(const WaveSolution& unsolved, const WaveStart& start, bool any_scale,
-                                     const WaveOptions& options) {
-  std::unique_ptr<WaveSolution> best;
-  std::optional<solver::CalibrationError> refused;
+BestSolution solved(const WaveSolution& unsolved, const WaveStart& start, bool any_scale, const WaveOptions& options) {
+  BestSolution best;
   for (const bool lenses_first : {false, true}) {
     if (lenses_first && (options.hold_poses || options.guessed_lenses)) break;
-    try {
+    best.consider([&] {
       auto solution = std::make_unique<WaveSolution>(unsolved);
       solution->solve(start, any_scale, lenses_first);
-      if (!best || solution->misfit() < best->misfit()) best = std::move(solution);
-    } catch (const solver::CalibrationError& error) {
-      if (!refused) refused = error;
-    }
+      return solution;
+    });
   }
-  if (!best) throw solver::CalibrationError(*refused);
   return best;
 }
 
@@ -132,25 +154,19 @@ std::unique_ptr<WaveSolution> solved(const WaveSolution& unsolved, const WaveSta
 // CalibrationError
 std::unique_ptr<WaveSolution> from_nothing(calib::CameraRig rig, const std::vector<BallFrame>& frames,
                                            const WaveOptions& options) {
-  std::unique_ptr<WaveSolution> best;
-  std::optional<solver::CalibrationError> refused;
-  // From 60 degrees: 91, 42, 113 and 24. An adjustment corrects some 40 %.
-  for (const double focal : {1.0, 0.57, 1.5, 0.38, 2.7}) {
+  BestSolution best;
+  for (const int sigmas : {0, -2, 2, -4, 4}) {  // an adjustment corrects two: from 60 degrees 87, 39, 115 and 24
     calib::CameraRig tried = rig;
     LensChange change = LensChange::Zero();
-    change[0] = std::log(focal);
+    change[0] = sigmas * any_log_focal;
     for (calib::Camera& camera : tried.cameras) camera.model = changed(camera.model, change);
-    try {
+    best.consider([&] {
       const WaveSolution unsolved(tried, frames, options);
-      auto solution = solved(unsolved, start_from_nothing(tried, unsolved.tracks()), true, options);
-      if (!best || solution->misfit() < best->misfit()) best = std::move(solution);
-    } catch (const solver::CalibrationError& error) {
-      if (!refused) refused = error;
-    }
-    if (!options.guessed_lenses || (best && best->used_share() >= most_agree)) break;
+      return solved(unsolved, start_from_nothing(tried, unsolved.tracks()), true, options).take();
+    });
+    if (!options.guessed_lenses || best.fits()) break;
   }
-  if (!best) throw solver::CalibrationError(*refused);
-  return best;
+  return best.take();
 }
 
 // From the rig's poses; from nothing where there are none, or where they do not fit. throws CalibrationError
@@ -160,29 +176,20 @@ Found find_solution(const calib::CameraRig& rig, const std::vector<BallFrame>& f
   if (!options.has_poses) return {from_nothing(rig, frames, options), false};
   WaveStart start;
   for (const calib::Camera& camera : rig.cameras) start.cam_from_world.push_back(camera.cam_from_world);
-  std::unique_ptr<WaveSolution> solution;
-  std::optional<solver::CalibrationError> refused;
-  try {
-    solution = solved(unsolved, start, false, options);
-  } catch (const solver::CalibrationError& error) {
-    if (options.hold_poses) throw;
-    refused = error;
-  }
-  if (solution && solution->used_share() >= most_agree) return {std::move(solution), false};
+  BestSolution best = solved(unsolved, start, false, options);
+  if (best.fits()) return {best.take(), false};
   if (options.hold_poses) {
+    const auto solution = best.take();
     throw solver::CalibrationError(
         fmt::format("only {:.0f} % of the frames with the target's colour agree with the poses that the rig has: they "
                     "are not right, or the cameras' names are swapped",
                     1e2 * solution->used_share()),
         solver::Fault::wrong_poses);
   }
-  try {
-    auto fresh = from_nothing(rig, frames, options);
-    if (refused || fresh->misfit() < solution->misfit()) return {std::move(fresh), true};
-  } catch (const solver::CalibrationError&) {
-    if (refused) throw solver::CalibrationError(*refused);
-  }
-  return {std::move(solution), false};
+  const WaveSolution* const of_rig = best.found().get();
+  best.consider([&] { return from_nothing(rig, frames, options); });
+  const bool is_of_rig = of_rig != nullptr && best.found().get() == of_rig;
+  return {best.take(), !is_of_rig};
 }
 
 // Mean positions of the two longest rests at different places. throws CalibrationError: there are no two.

@@ -61,8 +61,8 @@ struct WaveCamera {
   Eigen::Vector3d centre_sigma_m = Eigen::Vector3d::Zero();
   Eigen::Vector3d rotation_sigma_rad = Eigen::Vector3d::Zero();
   double moved_m = 0, turned_rad = 0;  // from the rig's pose; with has_poses only
-  // The lens found, beside the given one: relative focal length with its sigma, and the rms distance of their pixels
-  // over the image.
+  // The estimated lens compared with the given one: relative difference of the focal length with its sigma, and rms
+  // distance of the pixels over the image.
   double longer = 0, longer_sigma = 0, lens_px = 0;
 };
 

@@ -46,7 +46,7 @@ struct WaveState {
   std::vector<calib::Rigid3d> cam_from_world;
   BallPath path;                   // in true time
   std::vector<CameraTime> times;   // per camera; empty: global shutters without latency
-  std::vector<LensChange> lenses;  // per camera; empty: as the rig says
+  std::vector<LensChange> lenses;  // per camera; empty: the rig's lenses
 
   // Exposure time of the row of this pixel: stamp - latency + below_middle * readout.
   double exposed_s(const calib::CameraRig& rig, int camera, double stamp_s, const Eigen::Vector2d& px) const;

@@ -84,7 +84,7 @@ struct LensTuning {
 // A given lens counts as nearly exact, with a loss: it moves positions by less than the wave's own error, or gives way.
 constexpr LensTuning given_lens{.log_focal = 2e-4, .centre_px = 0.1, .k1 = 1e-3, .k2 = 3e-3, .higher = 1e-4};
 // What webcams' lenses are: fields of view of 40 to 90 degrees, sensors mounted to some tenths of a millimetre.
-constexpr LensTuning any_lens{.log_focal = 0.25, .centre_px = 10, .k1 = 0.15, .k2 = 0.1, .higher = 1e-3};
+constexpr LensTuning any_lens{.log_focal = any_log_focal, .centre_px = 10, .k1 = 0.15, .k2 = 0.1, .higher = 1e-3};
 
 }  // namespace
 
@@ -119,7 +119,8 @@ void WaveSolution::find_span() {
 }
 
 void WaveSolution::solve(const WaveStart& start, bool any_scale, bool lenses_first) {
-  lenses_first_ = is_solving_again_ = lenses_first;
+  lenses_first_ = lenses_first;
+  const int first_step = lenses_first ? WaveSteps::solved : 0;
   state_.cam_from_world = start.cam_from_world;
   for (std::size_t c = 0; c < start.later_s.size(); ++c) state_.times[c].latency_s += start.later_s[c];
   find_span();
@@ -138,7 +139,7 @@ void WaveSolution::solve(const WaveStart& start, bool any_scale, bool lenses_fir
   rough_ = true;
   o.loss = rough_robust_sigmas;
   for (int round = 0; round < 2; ++round) {
-    report_progress("the poses, roughly", round);
+    report_progress("the poses, roughly", first_step + round);
     adjust(o);
     associate(round == 0 ? first_sigmas : rough_sigmas);
     o.loss = robust_sigmas;
@@ -147,8 +148,7 @@ void WaveSolution::solve(const WaveStart& start, bool any_scale, bool lenses_fir
   learn_shapes();
   rough_ = false;
   associate(rough_sigmas);
-  refine(WaveSteps::refined);
-  is_solving_again_ = false;
+  refine(first_step + WaveSteps::refined);
 }
 
 void WaveSolution::refine(int step) {
@@ -263,7 +263,7 @@ std::vector<BallObservation> WaveSolution::observations() const {
 }
 
 void WaveSolution::report_progress(const char* step, int done) const {
-  if (!is_solving_again_ && options_.progress) options_.progress(step, done, WaveSteps::all);
+  if (options_.progress) options_.progress(step, done, WaveSteps::all);
 }
 
 const color::ColorRegion& WaveSolution::region(std::size_t f) const {

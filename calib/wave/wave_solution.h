@@ -14,14 +14,17 @@
 
 namespace huetrack::wave {
 
+// 1 sigma of the log of a webcam's focal length, about that of a field of view of 60 degrees: 40 to 90 degrees.
+inline constexpr double any_log_focal = 0.25;
+
 // Frames that two cameras must share, and in which a camera must agree with the others.
 inline constexpr int least_shared = 20;
 
-// Steps of the progress: two rough ones, refine() twice, settle(), two halves.
+// Steps of the progress: solve() twice (two rough ones, then refine()), refine(), settle(), two halves.
 struct WaveSteps {
   static constexpr int most_rounds = 8;  // of refine()
-  static constexpr int refined = 2, refined_again = refined + most_rounds, settled = refined_again + most_rounds,
-                       halves = settled + 1, all = halves + 2;
+  static constexpr int refined = 2, solved = refined + most_rounds, refined_again = 2 * solved,
+                       settled = refined_again + most_rounds, halves = settled + 1, all = halves + 2;
 };
 
 // frames and options must outlive it; frames ascend in time. thread-compatible; copies are independent.
@@ -94,7 +97,6 @@ class WaveSolution {
   std::vector<double> wander_s_;        // see set_wander()
   bool rough_ = true;                   // all outlines have the same covariance
   bool lenses_first_ = false;           // see solve()
-  bool is_solving_again_ = false;       // progress was reported
   double jerk_m_s3_ = 60;               // see learn_jerk()
   std::vector<Eigen::Vector2d> blur2_;  // per camera: see learn_shapes()
   WaveState state_;

@@ -31,13 +31,13 @@ export async function send(path: string, body: string, isAnswered: () => boolean
   let refused = await post(path, body);
   // What the bridge itself refuses is refused again; a connection that breaks may come back.
   if (refused && store.connected) return { outcome: "failed", reason: `The request did not go through: ${refused}` };
-  let told = 0;
+  let reported = 0;
   for (;;) {
     await sleep(100);
     if (isAnswered()) return { outcome: "answered", reason: "" };
     if (store.scene && serviceOf(store.scene) !== service) return { outcome: "restarted", reason: "The service restarted meanwhile. Please repeat it." };
     const now = seconds();
-    if (now - told >= 1) onWait((told = Math.floor(now)));
+    if (now - reported >= 1) onWait((reported = Math.floor(now)));
     const quiet = (performance.now() - Math.max(store.lifeAt, begun)) / 1000;
     if (quiet > silence)
       return { outcome: "silent", reason: `Nothing has come from the service for ${Math.floor(quiet)} s. It may have stopped; a late answer is still taken.` };
