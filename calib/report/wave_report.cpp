@@ -130,6 +130,12 @@ void note_lenses(WaveReport& report, const WaveResult& result) {
                                camera.longer > 0 ? "longer" : "shorter")
                  : "",
         camera.lens_px));
+    // Experiment (calib/wave/EXPERIMENTS.md): the stated error is 2 to 4 times too small then.
+    if (is_focal)
+      report.doubts.push_back(fmt::format(
+          "{}'s focal length was given wrong, and positions may be several times less accurate than stated: calibrate "
+          "its lens with a board, or give the lenses as guesses (--guess-lenses)",
+          result.rig.cameras[c].name));
   }
 }
 

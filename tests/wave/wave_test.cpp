@@ -98,6 +98,7 @@ TEST(Wave, CorrectsAndNamesAWrongLens) {
   EXPECT_LT(off(r.rig, truth).metres, 0.004);
   EXPECT_THAT(report::report_on(r).notes,
               Contains(AllOf(StartsWith("cam1's lens does not fit"), HasSubstr("shorter"))));
+  EXPECT_THAT(report::report_on(r).doubts, Contains(StartsWith("cam1's focal length was given wrong")));
   EXPECT_LT(r.cameras[0].lens_px, 0.5);
 }
 
