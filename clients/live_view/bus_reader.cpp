@@ -363,16 +363,13 @@ std::vector<std::shared_ptr<RecordingDownload>> BusReader::held_downloads() {
 }
 
 void BusReader::take_control_replies() {
-  const auto now = Clock::now();
   const auto downloads = held_downloads();
   take_all(connection_->control_reply, [&](const auto& sample, const Process& process) {
     if (is_of_another(process)) return;
     for (const auto& download : downloads)
       if (download->client() == sample.client()) return download->take(sample);
-    const std::string key = "control/" + sample.client();
-    if (!sample.bytes().empty() || (replies_.size() >= most_replies && !replies_.contains(key))) return;
-    hub_.set(key, to_event("control", to_json(sample)), sample.client());
-    replies_[key] = now;
+    // Each of them: a page that misses the reply to an earlier request repeats that request.
+    if (sample.bytes().empty()) hub_.append(to_event("control", to_json(sample)), false, sample.client());
   });
 }
 

@@ -28,9 +28,9 @@ void EventHub::forget(const std::string& key) {
   entries_.erase(entry);  // last: key may be its own
 }
 
-void EventHub::append(std::string event, bool is_again) {
+void EventHub::append(std::string event, bool is_again, const std::string& audience) {
   const std::scoped_lock lock(mutex_);
-  put(std::move(event), nullptr, "", is_again);
+  put(std::move(event), nullptr, audience, is_again);
 }
 
 void EventHub::forget_appended() {

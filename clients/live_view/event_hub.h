@@ -40,7 +40,7 @@ class EventHub {
   void set(const std::string& key, std::string event, const std::string& audience = "");
   void erase(const std::string& key);
   // Every event is delivered. is_again: a repetition for pages that start anew; not for subscribers of one kind.
-  void append(std::string event, bool is_again = false);
+  void append(std::string event, bool is_again = false, const std::string& audience = "");
   // Pages start anew; subscribers of one kind still get the events that they have not read.
   void forget_appended();
 

@@ -21,6 +21,8 @@ constexpr auto fetch_period = 10ms;  // for a requested set
 constexpr auto reading_period = 2ms;
 constexpr auto reads_on_for = 500ms;
 constexpr auto network_period = 1s;
+constexpr std::size_t kept_replies =
+    64;  // pages ask for a state once a second, and repeat a request after 24 s at most
 constexpr auto map_period = 1s;
 constexpr auto freeze_patience = 3s;          // for a set to freeze
 constexpr auto kept_freeze_patience = 300ms;  // likewise, if a set was kept
@@ -184,10 +186,15 @@ void PageService::take_control_requests() {
       publisher_.publish(control_.answer(*request, config_));
       continue;
     }
-    // A repeated request gets the same reply and is not executed twice.
-    if (!last_control_reply_ || !is_same(*last_control_reply_, *request))
-      last_control_reply_ = control_.answer(*request, config_);
-    publisher_.publish(*last_control_reply_);
+    // A repeated request gets the same reply and is not executed twice, whatever was requested in between.
+    const auto before =
+        std::ranges::find_if(control_replies_, [&](const auto& reply) { return is_same(reply, *request); });
+    if (before != control_replies_.end()) {
+      publisher_.publish(*before);
+      continue;
+    }
+    publisher_.publish(control_replies_.emplace_back(control_.answer(*request, config_)));
+    if (control_replies_.size() > kept_replies) control_replies_.pop_front();
   }
 }
 

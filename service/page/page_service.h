@@ -5,6 +5,7 @@
 #include <atomic>
 #include <chrono>
 #include <condition_variable>
+#include <deque>
 #include <mutex>
 #include <optional>
 #include <thread>
@@ -76,7 +77,7 @@ class PageService final : public pipeline::Output {
   std::optional<msg::TeachRequest> to_freeze_;  // waits for a set
   std::chrono::steady_clock::time_point freeze_requested_at_{};
   std::optional<msg::TeachReply> last_reply_;
-  std::optional<msg::ControlReply> last_control_reply_;
+  std::deque<msg::ControlReply> control_replies_;    // the latest, for requests that are repeated
   std::chrono::steady_clock::time_point read_at_{};  // last request for a part of a recording
   std::atomic<bool> wanted_ = false, map_wanted_ = true;
   std::atomic<std::uint64_t> previews_ = 0;

@@ -44,6 +44,8 @@ TEST(EventHub, DeliversAddressedEventsToOnePage) {
   EventHub hub;
   hub.set("teach/a", "for a", "a");
   hub.append("for all");
+  hub.append("reply 1", false, "c");
+  hub.append("reply 2", false, "c");
   const auto seen_by = [&](const std::string& page) {
     std::vector<std::string> texts;
     std::uint64_t cursor = 0;
@@ -53,6 +55,7 @@ TEST(EventHub, DeliversAddressedEventsToOnePage) {
   };
   EXPECT_THAT(seen_by("a"), ElementsAre("for a", "for all"));
   EXPECT_THAT(seen_by("b"), ElementsAre("for all"));
+  EXPECT_THAT(seen_by("c"), ElementsAre("for all", "reply 1", "reply 2"));  // none replaces another
   hub.set("teach/a", "more for a", "a");
   EXPECT_THAT(seen_by(""), ElementsAre("for all"));
   hub.forget_appended();

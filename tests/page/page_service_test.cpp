@@ -6,11 +6,13 @@
 
 #include <unistd.h>
 
+#include <atomic>
 #include <fastdds/dds/subscriber/DataReaderListener.hpp>
 #include <fastdds/dds/subscriber/SampleInfo.hpp>
 
 #include "calib/model/rig_yaml.h"
 #include "capture/frames/jpeg_decoder.h"
+#include "idl/arrivals.h"
 #include "idl/dds_participant.h"
 #include "idl/huetrack_viewPubSubTypes.h"
 #include "idl/topics.h"
@@ -207,6 +209,52 @@ TEST(PageService, LateJoinersGetTheMapOfATrackedCamera) {
   EXPECT_EQ(first.state(), msg::CAMERA_MAP_POINT_FOUND);
   EXPECT_TRUE(first.given());
   EXPECT_EQ(sample.points()[1].state(), msg::CAMERA_MAP_POINT_NOT_SOUGHT);
+}
+
+class CountingPlayback final : public Playback {
+ public:
+  PlaybackState state() const override { return {.is_paused = true}; }
+  void pause() override {}
+  void go_on() override {}
+  void step(int sets) override { steps += sets; }
+  void set_speed(double) override {}
+  void seek(double) override {}
+  std::atomic<int> steps = 0;
+};
+
+TEST(PageService, ARepeatedRequestIsExecutedOnceWhateverWasRequestedInBetween) {
+  config::ServiceConfig c = config();
+  c.control.allow_teach = true;
+  CountingPlayback playback;
+  PageService server(c, {.control = {.playback = &playback}});
+  idl::DdsParticipant participant({.name = "test", .domain = publish::test_domain(), .interfaces = {"lo"}});
+  auto& writer =
+      participant.create_writer<msg::ControlRequestPubSubType>(idl::control_request_topic, idl::teach_writer_qos(), "");
+  auto& reader =
+      participant.create_reader<msg::ControlReplyPubSubType>(idl::control_reply_topic, idl::teach_reader_qos());
+  const auto us = idl::PublisherIdentity::of_this_process({});
+  const auto reply_to = [&](std::uint32_t number, std::vector<std::string> words) {
+    msg::ControlRequest request;
+    request.client("page");
+    request.host(us.host);
+    request.pid(us.pid);
+    request.number(number);
+    request.words(std::move(words));
+    std::optional<msg::ControlReply> reply;
+    for (int i = 0; i < 20 && !reply; ++i) {  // until both sides know each other
+      writer.write(&request);
+      msg::ControlReply sample;
+      until([&] { return idl::take_next(reader, sample) && sample.number() == number && (reply = sample); }, 500ms);
+    }
+    return reply;
+  };
+  const auto first = reply_to(1, {"replay", "step", "1"});
+  ASSERT_TRUE(first && first->granted()) << first->reason();
+  for (std::uint32_t i = 2; i < 5; ++i) ASSERT_TRUE(reply_to(i, {"replay", "state"}));
+  const auto again = reply_to(1, {"replay", "step", "1"});
+  ASSERT_TRUE(again);
+  EXPECT_EQ(again->reason(), first->reason());
+  EXPECT_EQ(playback.steps, 1);
 }
 
 }  // namespace
