@@ -180,6 +180,10 @@ export async function run(test, { folder } = {}) {
     say("passed");
   } catch (error) {
     console.error(error);
+    for (const [i, page] of (browser?.contexts() ?? []).flatMap((context) => context.pages()).entries()) {
+      await page.screenshot({ path: join(options.out, `failed_${i}.png`) }).catch(console.error);
+      console.error(`--- page ${i}: ${await page.evaluate(() => document.body.innerText.replace(/\s+/g, " ").slice(0, 3000)).catch(String)}`);
+    }
     for (const { child, out, err } of children) console.error(`--- ${child.spawnargs.slice(0, 3).join(" ")}\n${out.slice(-600)}\n${err.slice(-1200)}`);
   } finally {
     await browser?.close();
