@@ -34,7 +34,6 @@ constexpr double unexpected_difference = 2;                  // times their cova
 constexpr double much_wander_s = 0.0015;                     // from second to second; and
 constexpr double sure_wander = 4;                            // times the noise
 constexpr double much_scatter_s = 0.003;                     // from frame to frame, of smoothed stamps
-constexpr double unsure_readout_s = 0.003;                   // error of a good wave
 constexpr double unsure_latency_s = 0.004;                   // with fixed poses; a good wave gives 1 ms
 constexpr double many_repeated = 0.2, some_repeated = 0.03;  // of the fast frames
 
@@ -166,7 +165,7 @@ void doubt_times(WaveReport& report, const WaveResult& result) {
                       name, 1e3 * unsure_s));
     }
     const double readout_s = std::abs(result.rig.cameras[c].timing.readout_s.value_or(0));
-    if (camera.frame_s > 0 && readout_s > camera.frame_s + unsure_readout_s) {
+    if (!wave::is_possible_readout(readout_s, camera.frame_s)) {
       report.doubts.push_back(
           fmt::format("{}: its readout would take {:.0f} ms, but its frames come every {:.0f} ms, which is impossible: "
                       "the times or "

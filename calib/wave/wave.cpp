@@ -106,7 +106,7 @@ struct Found {
   bool rejected_rig_poses = false;  // see WaveResult
 };
 
-// The solution with the least misfit.
+// The solution with the least misfit, of those that are possible if there are any.
 class BestSolution {
  public:
   // Of solve(), which may throw CalibrationError.
@@ -114,7 +114,8 @@ class BestSolution {
   void consider(Solve solve) {
     try {
       std::unique_ptr<WaveSolution> solution = solve();
-      if (!best_ || solution->misfit() < best_->misfit()) best_ = std::move(solution);
+      const auto rank = [](const WaveSolution& s) { return std::pair(!s.is_possible(), s.misfit()); };
+      if (!best_ || rank(*solution) < rank(*best_)) best_ = std::move(solution);
     } catch (const solver::CalibrationError& error) {
       if (!refused_) refused_ = error;
     }

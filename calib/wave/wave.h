@@ -23,6 +23,12 @@ struct CameraDistance {
   double metres = 0;  // > 0, between their centres (about: the lenses)
 };
 
+// Rows are read before the next frame comes. frame_s: 0: unknown.
+constexpr bool is_possible_readout(double readout_s, double frame_s) {
+  constexpr double unsure_s = 0.003;  // error of a good wave
+  return frame_s <= 0 || (readout_s <= frame_s + unsure_s && -readout_s <= frame_s + unsure_s);
+}
+
 // Known position of the ball's centre at one moment.
 struct BallMark {
   double t_s = 0;           // first camera's BallFrame::t_s, less its latency

@@ -54,11 +54,11 @@ struct WaveState {
 };
 
 // Correlation of one camera's outline errors over time, as shares of their variance; the rest is white.
-// Experiment: rendered sequences against truth, tests/benchmark/wave_figures.
+// Experiment: outlines of rendered waves against truth; calib/wave/EXPERIMENTS.md.
 struct OutlineCorrelation {
-  double constant_share = 0.2;  // the same in all frames: light from one side
-  double slow_share = 0.25;     // decays exponentially: background
-  double slow_s = 0.4;          // > 0; time constant of the decay
+  double constant_share = 0.15;  // the same in all frames: light from one side
+  double slow_share = 0.4;       // decays exponentially: light and background change with the ball's place
+  double slow_s = 0.6;           // > 0; time constant of the decay
 
   // Variance of the mean of many frames, this long apart, over that of independent ones. Without the constant share,
   // which turns the camera.

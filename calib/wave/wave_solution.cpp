@@ -193,6 +193,12 @@ double WaveSolution::misfit() const {
   return sum;
 }
 
+bool WaveSolution::is_possible() const {
+  for (std::size_t c = 0; c < state_.times.size(); ++c)
+    if (!is_possible_readout(state_.times[c].readout_s, frame_s_[c])) return false;
+  return true;
+}
+
 double WaveSolution::used_share() const {
   const auto used = std::ranges::count_if(chosen_, [](int c) { return c >= 0; });
   const auto seen = std::ranges::count_if(*frames_, [](const BallFrame& f) { return !f.regions.empty(); });

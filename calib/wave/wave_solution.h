@@ -46,6 +46,7 @@ class WaveSolution {
   void keep_half(int half);
 
   double misfit() const;      // cost to compare solutions by, with that of changed lenses; lower is better
+  bool is_possible() const;   // all readouts are
   double used_share() const;  // of the frames with a region
   double exposed_s(const BallFrame& frame, const color::ColorRegion& region) const {
     return state_.exposed_s(rig_, frame.camera, frame.t_s, region.centre);
