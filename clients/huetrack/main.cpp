@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "calib/files/text_file.h"
-#include "calib/files/unknown_command.h"
+#include "calib/files/unknown_words.h"
 #include "clients/bag/export.h"
 #include "clients/live_view/view.h"
 #include "clients/plot/plot.h"
@@ -55,7 +55,7 @@ struct CommandLine {
 CommandLine::CommandLine() {
   app.set_version_flag("--version", "huetrack " HUETRACK_VERSION);
   app.require_subcommand(1);
-  files::name_unknown_commands(app, "huetrack", CLI::FailureMessage::simple);
+  files::name_unknown_words(app, "huetrack", CLI::FailureMessage::simple);
   add_watch();
   add_log();
   add_status();

@@ -419,6 +419,24 @@ TEST_F(EndToEnd, AWordThatIsNoCommandIsNamed) {
   EXPECT_EQ(client.err, "huetrack: there is no command wathc (did you mean watch?); huetrack --help lists them\n");
 }
 
+TEST_F(EndToEnd, AnUnknownOptionOfAnyProgramIsNamed) {
+  const auto message = [this](std::vector<std::string> words) {
+    const Result result = run(words);
+    EXPECT_NE(result.status, 0);
+    return result.err;
+  };
+  EXPECT_EQ(message({HUETRACKD, "replay", config, recording, "--sped", "2"}),
+            "huetrackd replay has no option --sped (did you mean --speed?); huetrackd replay --help lists them\n");
+  EXPECT_THAT(message({HUETRACKD, "replay", "--strikt"}),
+              StartsWith("huetrackd replay has no option --strikt (did you"));
+  EXPECT_THAT(message({HUETRACKD, "--versoin"}),
+              StartsWith("huetrackd has no option --versoin (did you mean --version?)"));
+  EXPECT_THAT(message({HUETRACK, "watch", "--formt", "csv"}),
+              StartsWith("huetrack watch has no option --formt (did you mean --format?)"));
+  EXPECT_THAT(message({HUETRACK_CALIBRATE, "wave", "--radus", "40"}),
+              StartsWith("huetrack-calibrate wave has no option --radus (did you mean --radius?)"));
+}
+
 TEST_F(EndToEnd, WrongUsageIsSaidAndVersionsAreTold) {
   const Result alone = run({HUETRACKD});
   EXPECT_NE(alone.status, 0);
