@@ -142,6 +142,7 @@ void CommandLine::add_view() {
   command.add_option("--port", view_.server.port, "TCP port; 0: any free one")
       ->check(CLI::Range(0, 65535))
       ->capture_default_str();
+  command.add_flag("--any-free-port", view_.server.or_any_free, "take another port if that one is in use");
   command
       .add_option("--address", view_.server.address,
                   "IPv4 address to listen on, 0.0.0.0: every one of this host. Any but 127.0.0.1 is open to the "
