@@ -45,8 +45,11 @@ config::ServiceConfig configuration_of(const ReplayCommand& command) {
   config::require_rig(config);
   set_log_level(config.log_level);
   for (const auto& warning : config::warnings_of(config)) spdlog::warn("{}: {}", config.file.string(), warning);
-  if (command.hold && (command.no_dds || !config.dds.enabled))
-    throw std::runtime_error("--hold needs DDS, because the page continues the replay: remove --no-dds");
+  if (command.hold && command.no_dds)
+    throw std::runtime_error("--hold needs DDS, because the page continues the replay: leave out --no-dds");
+  if (command.hold && !config.dds.enabled)
+    throw std::runtime_error(config.file.string() +
+                             ": --hold needs dds: {enabled: true}, because the page continues the replay over DDS");
   if (command.hold && !config.control.allow_teach)
     throw std::runtime_error(config.file.string() +
                              ": --hold needs control: {allow_teach: true}, because the page continues the replay");

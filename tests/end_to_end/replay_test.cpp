@@ -317,6 +317,10 @@ TEST_F(EndToEnd, MistakesAreOneReadableLineAndExitStatusOne) {
       "version: 1\nrig: " + recording + "/rig.yaml\ntargets: {lime: {radius_m: 0.04, color: {hue_deg: [65, 115]}}}\n",
       "watched.yaml");
   const std::string misspelt = write("version: 1\nrgi: rig.yaml\n", "misspelt.yaml");
+  const std::string without_dds = write("version: 1\nrig: " + recording +
+                                            "/rig.yaml\ncontrol: {allow_teach: true}\ndds: {enabled: false}\n"
+                                            "targets: {lime: {radius_m: 0.04, color: {hue_deg: [65, 115]}}}\n",
+                                        "without_dds.yaml");
   struct Mistake {
     std::vector<std::string> arguments;
     std::string message;  // a part of it
@@ -340,7 +344,9 @@ TEST_F(EndToEnd, MistakesAreOneReadableLineAndExitStatusOne) {
       {{"replay", config, config, "--no-dds"}, "this is a configuration, not a recording"},
       {{"replay", config, recording + "/cam0.mkv", "--no-dds"}, "cam0.mkv: is a video or a picture, not a recording"},
       {{"replay", only_watched, recording, "--hold"}, "--hold needs control: {allow_teach: true}"},
-      {{"replay", config, recording, "--hold", "--no-dds"}, "--hold needs DDS"},
+      {{"replay", config, recording, "--hold", "--no-dds"},
+       "--hold needs DDS, because the page continues the replay: leave out --no-dds"},
+      {{"replay", without_dds, recording, "--hold"}, without_dds + ": --hold needs dds: {enabled: true}"},
       {{"compare", "/no/t.csv", recording + "/groundtruth.csv"}, "/no/t.csv: cannot be read"},
   };
   for (const auto& mistake : mistakes) {
