@@ -2,7 +2,7 @@
 
 #include <CLI/CLI.hpp>
 
-#include "calib/files/unknown_command.h"
+#include "calib/files/unknown_words.h"
 #include "calib/gather/progress_line.h"
 
 namespace huetrack::program {
@@ -11,7 +11,7 @@ std::variant<Command, int> read_command_line(int argc, const char* const* argv) 
   CLI::App app("huetrack-calibrate: calibrates cameras, and judges whether the result can be trusted");
   app.set_version_flag("--version", "huetrack-calibrate " HUETRACK_VERSION);
   app.require_subcommand(1);
-  files::name_unknown_commands(app, "huetrack-calibrate", CLI::FailureMessage::simple);
+  files::name_unknown_words(app, "huetrack-calibrate", CLI::FailureMessage::simple);
   app.footer(
       "Ends with 0 when the result is usable, 2 when it is doubtful (the report says why), 1 when it failed, and above "
       "100 for wrong usage.");

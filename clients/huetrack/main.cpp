@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "calib/files/text_file.h"
-#include "calib/files/unknown_command.h"
+#include "calib/files/unknown_words.h"
 #include "clients/bag/export.h"
 #include "clients/live_view/view.h"
 #include "clients/plot/plot.h"
@@ -55,7 +55,7 @@ struct CommandLine {
 CommandLine::CommandLine() {
   app.set_version_flag("--version", "huetrack " HUETRACK_VERSION);
   app.require_subcommand(1);
-  files::name_unknown_commands(app, "huetrack", CLI::FailureMessage::simple);
+  files::name_unknown_words(app, "huetrack", CLI::FailureMessage::simple);
   add_watch();
   add_log();
   add_status();
@@ -142,6 +142,7 @@ void CommandLine::add_view() {
   command.add_option("--port", view_.server.port, "TCP port; 0: any free one")
       ->check(CLI::Range(0, 65535))
       ->capture_default_str();
+  command.add_flag("--any-free-port", view_.server.or_any_free, "take another port if that one is in use");
   command
       .add_option("--address", view_.server.address,
                   "IPv4 address to listen on, 0.0.0.0: every one of this host. Any but 127.0.0.1 is open to the "

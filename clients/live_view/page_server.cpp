@@ -214,7 +214,6 @@ struct PageServer::Impl {
     if (options.address == "localhost") options.address = "127.0.0.1";
     sockaddr_in address{};
     address.sin_family = AF_INET;
-    address.sin_port = htons(static_cast<std::uint16_t>(options.port));
     if (::inet_pton(AF_INET, options.address.c_str(), &address.sin_addr) != 1)
       throw std::runtime_error("\"" + options.address + "\" is not an IPv4 address");
     rlimit files{};
@@ -225,21 +224,15 @@ struct PageServer::Impl {
     ::getrlimit(RLIMIT_NOFILE, &files);
     const auto most = static_cast<unsigned>(std::min<rlim_t>(static_cast<rlim_t>(options.most_connections),
                                                              files.rlim_cur > 200 ? files.rlim_cur - 100 : 50));
-    cookie_name = cookie_name_of(options.port);
-    errno = 0;
-    daemon = MHD_start_daemon(
-        MHD_USE_EPOLL_INTERNAL_THREAD | MHD_ALLOW_SUSPEND_RESUME | MHD_ALLOW_UPGRADE | MHD_USE_TURBO, 0, nullptr,
-        nullptr, &Impl::answer, this, MHD_OPTION_SOCK_ADDR, &address, MHD_OPTION_CONNECTION_LIMIT, most,
-        MHD_OPTION_CONNECTION_TIMEOUT, static_cast<unsigned>(options.timeout_s), MHD_OPTION_CONNECTION_MEMORY_LIMIT,
-        connection_memory, MHD_OPTION_NOTIFY_COMPLETED, &Impl::completed, this, MHD_OPTION_NOTIFY_CONNECTION,
-        &Impl::note, this, MHD_OPTION_LISTEN_BACKLOG_SIZE, 1024U, MHD_OPTION_END);
+    listen(address, options.port, most);
+    if (daemon == nullptr && errno == EADDRINUSE && options.or_any_free) listen(address, 0, most);
     if (daemon == nullptr)
       throw std::runtime_error("cannot listen on " + options.address + ":" + std::to_string(options.port) + ": " +
                                (errno != 0 ? std::strerror(errno) : "the HTTP server does not start") +
                                (errno == EADDRINUSE ? "; give another --port" : ""));
     const MHD_DaemonInfo* info = MHD_get_daemon_info(daemon, MHD_DAEMON_INFO_BIND_PORT);
     port = info != nullptr ? info->port : options.port;
-    if (options.port == 0) cookie_name = cookie_name_of(port);  // the port was unknown
+    if (port != options.port) cookie_name = cookie_name_of(port);  // the port was unknown
     hub.on_news([this] { wake(); });
     doorman = std::jthread([this](const std::stop_token& stop) {
       std::unique_lock lock(door);
@@ -248,6 +241,19 @@ struct PageServer::Impl {
         give_back_memory();
       }
     });
+  }
+
+  // Starts `daemon`; nullptr: errno says why.
+  void listen(sockaddr_in address, int on_port, unsigned most) {
+    address.sin_port = htons(static_cast<std::uint16_t>(on_port));
+    cookie_name = cookie_name_of(on_port);
+    errno = 0;
+    daemon = MHD_start_daemon(
+        MHD_USE_EPOLL_INTERNAL_THREAD | MHD_ALLOW_SUSPEND_RESUME | MHD_ALLOW_UPGRADE | MHD_USE_TURBO, 0, nullptr,
+        nullptr, &Impl::answer, this, MHD_OPTION_SOCK_ADDR, &address, MHD_OPTION_CONNECTION_LIMIT, most,
+        MHD_OPTION_CONNECTION_TIMEOUT, static_cast<unsigned>(options.timeout_s), MHD_OPTION_CONNECTION_MEMORY_LIMIT,
+        connection_memory, MHD_OPTION_NOTIFY_COMPLETED, &Impl::completed, this, MHD_OPTION_NOTIFY_CONNECTION,
+        &Impl::note, this, MHD_OPTION_LISTEN_BACKLOG_SIZE, 1024U, MHD_OPTION_END);
   }
 
   ~Impl() {

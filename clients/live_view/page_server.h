@@ -16,6 +16,7 @@ namespace huetrack::live_view {
 struct PageServerOptions {
   std::string address = "127.0.0.1";  // IPv4 of this host, or localhost; 0.0.0.0: all
   int port = 8765;                    // 0..65535; 0: any free one
+  bool or_any_free = false;           // port is in use: listens on any free one
   std::string token;                  // required in every request; empty: none, for loopback only
   // Origins ("http://localhost:8000") whose pages may read the streams of /api/v1, in addition to our own page.
   std::vector<std::string> allowed_origins;

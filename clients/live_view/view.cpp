@@ -48,6 +48,9 @@ int view(LiveViewOptions options, const std::function<bool()>& ended) {
     std::printf("http://%s:%d/%s\n", host.c_str(), server.port(),
                 options.server.token.empty() ? "" : ("?token=" + options.server.token).c_str());
   std::fflush(stdout);
+  if (options.server.port != 0 && server.port() != options.server.port)
+    std::fprintf(stderr, "huetrack: port %d is in use by another program: this page has port %d\n", options.server.port,
+                 server.port());
   std::fprintf(stderr, "huetrack: the page is at the address%s above, for %s; %s. Ctrl-C ends it\n",
                hosts.size() > 1 ? "es" : "",
                options.server.token.empty() ? "this host only" : "every host, with the token",

@@ -492,12 +492,9 @@ void ColorTeacher::judge(TaughtView& view, std::size_t camera, const std::string
     view.narrower = narrower(view, camera, wider, ignored);
     if (const auto& n = view.narrower) {
       text += fmt::format(
-          ": narrow it by {} step{}, to --wider {} (hue_deg: [{:g}, {:g}], saturation: [{:g}, {:g}], intensity: "
-          "[{:g}, {:g}]): then {} of the background matches, and {} of the object; or choose another colour, or ignore "
-          "this region",
-          wider - n->wider, wider - n->wider == 1 ? "" : "s", n->wider, n->color.hue_min_deg, n->color.hue_max_deg,
-          n->color.saturation_min, n->color.saturation_max, n->color.intensity_min, n->color.intensity_max,
-          percent(n->background_share), percent(n->object_share));
+          ": narrow it by {} step{}: then {} of the background matches, and {} of the object; or choose another "
+          "colour, or ignore this region",
+          wider - n->wider, wider - n->wider == 1 ? "" : "s", percent(n->background_share), percent(n->object_share));
     } else {
       text += ": no narrower range tells the two apart: choose another colour, or ignore this region";
     }

@@ -100,7 +100,7 @@ std::string radius_words(const RadiusProposal& proposal, std::optional<double> c
   if (!proposal.radius_m) {
     const std::string why = "Its radius cannot be measured: " + proposal.why_not + ".";
     if (configured_m) return why;
-    return why + fmt::format(" Until radius_m is given, the default is used, {:g} mm.",
+    return why + fmt::format(" Until a radius is set, the default is used, {:g} mm.",
                              mm * object_tracking::TargetOptions().radius_m);
   }
   // Two sigmas, and no more digits than they allow.
@@ -111,10 +111,10 @@ std::string radius_words(const RadiusProposal& proposal, std::optional<double> c
   if (proposal.is_rough) text += "; roughly, by its coloured regions alone: better measure it";
   if (!configured_m) return text + "), as far as the rig's scale is right.";
   if (!differs_clearly(proposal, *configured_m))
-    return text + fmt::format("); radius_m says {:g} mm, which agrees.", mm * *configured_m);
+    return text + fmt::format("), which agrees with the configured {:g} mm.", mm * *configured_m);
   return text + fmt::format(
-                    "), but radius_m says {:g} mm: take the one that is right; where a ruler says {:g} mm, the rig's "
-                    "distances are wrong.",
+                    "), but the configured radius is {:g} mm: take the one that is right; where a ruler says {:g} mm, "
+                    "the rig's distances are wrong.",
                     mm * *configured_m, mm * *configured_m);
 }
 

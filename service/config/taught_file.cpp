@@ -9,14 +9,17 @@
 #include <cerrno>
 #include <cmath>
 #include <cstring>
+#include <fstream>
 #include <functional>
 #include <limits>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <tuple>
 #include <vector>
 
 #include "calib/files/output_file.h"
+#include "calib/files/text_file.h"
 #include "calib/model/rig_yaml.h"
 #include "capture/frames/file_descriptor.h"
 #include "config/service_config.h"
@@ -150,6 +153,7 @@ class FileStack {
     fs::rename(at(0), file);
     for (int n = 1; n < before; ++n) fs::rename(at(n), at(n - 1));
   }
+  fs::path newest() const { return at(0); }
   void clear() const {
     std::error_code none;
     for (int n = size(); n-- > 0;) fs::remove(at(n), none);
@@ -190,7 +194,18 @@ void replace(const fs::path& file, const std::string& text, const fs::path& conf
   }
 }
 
-fs::path save(const fs::path& config_file, const std::function<void(Draft&)>& change) {
+constexpr std::string_view change_prefix = "# Last change: ";
+
+// Of a version that save() has written; empty: another file, or none.
+std::string change_of(const fs::path& version) {
+  std::ifstream in(version);
+  for (std::string line; std::getline(in, line) && line.starts_with('#');)
+    if (line.starts_with(change_prefix)) return files::printable(line.substr(change_prefix.size()));
+  return "";
+}
+
+// what: the change in words, in one line.
+fs::path save(const fs::path& config_file, const std::string& what, const std::function<void(Draft&)>& change) {
   const fs::path file = taught_file(config_file);
   Draft draft{.config = load_service_config(config_file), .written = yaml::YamlReader::file(config_file).leaves()};
   change(draft);
@@ -201,8 +216,9 @@ fs::path save(const fs::path& config_file, const std::function<void(Draft&)>& ch
       "# Written by `huetrackd teach` and by the page, every time as a whole: comments of yours would be lost. Delete "
       "a key\n"
       "# to have it as {0} says, or delete this file; then reload (SIGHUP).\n"
-      "{1}",
-      name, to_taught_yaml(draft.config));
+      "{1}{2}\n"
+      "{3}",
+      name, change_prefix, what, to_taught_yaml(draft.config));
   std::string why_not;
   try {
     if (all_of(load_service_config(config_file, text)) != all_of(draft.config))
@@ -219,7 +235,9 @@ fs::path save(const fs::path& config_file, const std::function<void(Draft&)>& ch
 
 fs::path save_taught(const fs::path& config, const object_tracking::TargetOptions& target,
                      const std::optional<object_tracking::IgnoredRegions>& ignored, std::optional<double> radius_m) {
-  return save(config, [&](Draft& draft) {
+  const std::string what = fmt::format("colour{}{} of {}", radius_m ? " and radius" : "",
+                                       ignored ? " and ignored rectangles" : "", target.name);
+  return save(config, what, [&](Draft& draft) {
     set_color(draft, target);
     if (radius_m) set_radius(draft, target.name, *radius_m);
     if (ignored) set_ignored(draft, *ignored);
@@ -246,7 +264,10 @@ fs::path redo_taught(const fs::path& config) {
 
 TaughtHistory taught_history(const fs::path& config) {
   const fs::path file = taught_file(config);
-  return {before(file).size() + (fs::exists(file) ? 1 : 0), undone(file).size()};
+  return {.undoable = before(file).size() + (fs::exists(file) ? 1 : 0),
+          .redoable = undone(file).size(),
+          .undoes = change_of(file),
+          .redoes = change_of(undone(file).newest())};
 }
 
 namespace {
@@ -345,11 +366,17 @@ void give_whole(Draft& draft, const object_tracking::TargetOptions& target) {
 }  // namespace
 
 fs::path save_target(const fs::path& config, const TargetEdit& edit) {
-  return save(config, [&](Draft& draft) { set_target(draft, edit); });
+  const bool is_color = edit.hue_deg || edit.saturation || edit.intensity;
+  const std::string what = fmt::format("{} of {}{}",
+                                       !is_color       ? "radius"
+                                       : edit.radius_m ? "colour and radius"
+                                                       : "colour",
+                                       edit.target, edit.camera.empty() ? "" : " in " + edit.camera);
+  return save(config, what, [&](Draft& draft) { set_target(draft, edit); });
 }
 
 fs::path add_target(const fs::path& config, const TargetEdit& edit) {
-  return save(config, [&](Draft& draft) {
+  return save(config, "new target " + edit.target, [&](Draft& draft) {
     refuse_name(draft, edit.target);
     object_tracking::TargetOptions fresh;
     fresh.name = edit.target;
@@ -363,7 +390,7 @@ fs::path add_target(const fs::path& config, const TargetEdit& edit) {
 }
 
 fs::path rename_target(const fs::path& config, const std::string& from, const std::string& to) {
-  return save(config, [&](Draft& draft) {
+  return save(config, fmt::format("renaming of {} to {}", from, to), [&](Draft& draft) {
     object_tracking::TargetOptions target = *target_in(draft, from);
     refuse_name(draft, to);
     draft.config.targets.erase(find_target(draft.config.targets, from));
@@ -376,14 +403,14 @@ fs::path rename_target(const fs::path& config, const std::string& from, const st
 }
 
 fs::path remove_target(const fs::path& config, const std::string& target) {
-  return save(config, [&](Draft& draft) {
+  return save(config, "removal of " + target, [&](Draft& draft) {
     draft.config.targets.erase(target_in(draft, target));
     draft.take_away({"targets", target});
   });
 }
 
 fs::path save_rig(const fs::path& config, const fs::path& rig) {
-  return save(config, [&](Draft& draft) {
+  return save(config, "calibration", [&](Draft& draft) {
     const bool was_calibrated = draft.config.is_calibrated();
     draft.config.rig_file = rig;
     draft.give({"rig"});
@@ -425,7 +452,7 @@ std::optional<object_tracking::Volume> box_seen_by_two(const calib::CameraRig& r
 
 fs::path save_controls(const fs::path& config, const std::string& camera,
                        std::span<const capture::ControlSetting> settings) {
-  return save(config, [&](Draft& draft) {
+  return save(config, "controls of " + camera, [&](Draft& draft) {
     const auto live = std::ranges::find(draft.config.cameras, camera, &LiveCameraConfig::name);
     if (live == draft.config.cameras.end())
       throw std::runtime_error(fmt::format("{} has no live camera {}", draft.config.file.string(), camera));
@@ -442,7 +469,7 @@ fs::path save_controls(const fs::path& config, const std::string& camera,
 }
 
 fs::path save_ignored(const fs::path& config, const object_tracking::IgnoredRegions& ignored) {
-  return save(config, [&](Draft& draft) { set_ignored(draft, ignored); });
+  return save(config, "ignored rectangles", [&](Draft& draft) { set_ignored(draft, ignored); });
 }
 
 }  // namespace huetrack::config

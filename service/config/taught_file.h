@@ -53,12 +53,13 @@ std::filesystem::path save_controls(const std::filesystem::path& config, const s
                                     std::span<const capture::ControlSetting> settings);
 
 // ---- History: the last twenty versions as <taught file>.before, .before.2, ...; undone versions as <taught
-// file>.undone,
-// ..., until the next save. throws std::runtime_error if there is nothing to undo or redo.
+// file>.undone, ..., until the next save. Each version names the change that it made in a comment. throws
+// std::runtime_error if there is nothing to undo or redo.
 std::filesystem::path undo_taught(const std::filesystem::path& config);
 std::filesystem::path redo_taught(const std::filesystem::path& config);
 struct TaughtHistory {
   int undoable = 0, redoable = 0;
+  std::string undoes{}, redoes{};  // the change that the next undo or redo is about, as in "colour of lime"; or empty
 };
 TaughtHistory taught_history(const std::filesystem::path& config);
 

@@ -220,7 +220,9 @@ void add_demo_command(CLI::App& app, Command& chosen) {
       app.add_subcommand("demo", "without cameras: play the bundled recording in their place, and open the page on it");
   command->add_option("folder", options->demo.folder,
                       "keep the demo's files, and what you teach and record, in this folder");
-  command->add_option("--port", options->demo.port, "TCP port of the page (8765); 0: any free one")
+  command
+      ->add_option("--port", options->demo.port,
+                   "TCP port of the page; 0: any free one; default: 8765, or another one if that is in use")
       ->check(CLI::Range(0, 65535));
   command->add_flag("!--no-page", options->demo.with_page, "without the page");
   on_choice(*command, chosen,

@@ -2,10 +2,12 @@
 
 #include <fmt/format.h>
 
+#include <atomic>
 #include <cstdio>
 #include <fstream>
 #include <memory>
 #include <stdexcept>
+#include <stop_token>
 #include <string>
 #include <system_error>
 #include <vector>
@@ -73,15 +75,25 @@ void run_demo(const DemoCommand& command, LiveRequests& requests, const std::sto
   const auto film = std::make_shared<const DemoFilm>(recordings::read_recording(folder / recording_name),
                                                      config.rig.camera_names(), stop);
   introduce(command, folder);
-  std::vector<std::string> options;
-  if (command.port) options = {"--port", std::to_string(*command.port)};
-  const auto page = command.with_page ? start_page(options) : nullptr;
+  std::atomic<bool> page_ended = false;
+  std::stop_source end;
+  const std::stop_callback end_too(stop, [&end] { end.request_stop(); });
+  const auto page = command.with_page ? start_page(command.port,
+                                                   [&] {
+                                                     page_ended = true;
+                                                     end.request_stop();
+                                                   })
+                                      : nullptr;
+  if (command.with_page && !page)
+    throw std::runtime_error(
+        "the page's program, huetrack, is neither next to huetrackd nor on the PATH: install it, or give --no-page");
   run_live_while_asked(
       std::move(config),
       [film](const config::ServiceConfig& of, const std::stop_token&) {
         return demo_cameras(film, of.rig.camera_names());
       },
-      {}, requests, stop);
+      {}, requests, end.get_token());
+  if (page_ended) throw std::runtime_error("the page has ended, and the demo with it; the page's reason is above");
 }
 
 }  // namespace huetrack::daemon

@@ -8,7 +8,7 @@
 #include <exception>
 
 #include "calib/files/text_file.h"
-#include "calib/files/unknown_command.h"
+#include "calib/files/unknown_words.h"
 #include "capture/v4l2_source.h"
 #include "daemon/commands.h"
 #include "daemon/service_manager.h"
@@ -38,7 +38,7 @@ int main(int argc, char** argv) {
   CLI::App app("huetrackd: tracks coloured objects in 3-D with calibrated cameras, and publishes them over DDS");
   app.set_version_flag("--version", "huetrackd " HUETRACK_VERSION);
   app.require_subcommand(1);
-  files::name_unknown_commands(app, "huetrackd", CLI::FailureMessage::simple);
+  files::name_unknown_words(app, "huetrackd", CLI::FailureMessage::simple);
   daemon::Command chosen;
   daemon::add_setup_command(app, chosen);
   daemon::add_demo_command(app, chosen);

@@ -45,8 +45,11 @@ config::ServiceConfig configuration_of(const ReplayCommand& command) {
   config::require_rig(config);
   set_log_level(config.log_level);
   for (const auto& warning : config::warnings_of(config)) spdlog::warn("{}: {}", config.file.string(), warning);
-  if (command.hold && (command.no_dds || !config.dds.enabled))
-    throw std::runtime_error("--hold needs DDS, because the page continues the replay: remove --no-dds");
+  if (command.hold && command.no_dds)
+    throw std::runtime_error("--hold needs DDS, because the page continues the replay: leave out --no-dds");
+  if (command.hold && !config.dds.enabled)
+    throw std::runtime_error(config.file.string() +
+                             ": --hold needs dds: {enabled: true}, because the page continues the replay over DDS");
   if (command.hold && !config.control.allow_teach)
     throw std::runtime_error(config.file.string() +
                              ": --hold needs control: {allow_teach: true}, because the page continues the replay");
@@ -103,7 +106,8 @@ class ReplayStatus final : public pipeline::Output {
     publish::ServiceStatus status;
     {
       const std::scoped_lock lock(mutex_);
-      status = reporter_.report(figures, Clock::now(), std::chrono::system_clock::now());
+      status = reporter_.report(figures, Clock::now(), std::chrono::system_clock::now(), {},
+                                reports_.mistakes.do_views_contradict());
     }
     status.clock_offset_s = capture::seconds(time_.offset());
     std::ranges::copy(bus_.publisher().warnings(), std::back_inserter(status.warnings));
@@ -277,7 +281,7 @@ std::string grey_text(const recordings::ReplaySource& source) {
 // config: in force at the end. figures: after the run
 ReplaySummary summary_of(const config::ServiceConfig& config, const ReplayCommand& command,
                          const pipeline::PipelineFigures& figures, const OpenedRecording& playback, const Tally& tally,
-                         Clock::time_point began, bool is_stopped) {
+                         Clock::time_point began, bool is_stopped, bool do_views_contradict) {
   ReplaySummary summary;
   summary.figures = figures;
   summary.stopped = is_stopped;
@@ -295,10 +299,11 @@ ReplaySummary summary_of(const config::ServiceConfig& config, const ReplayComman
   const std::vector<std::string> cameras = config.rig.camera_names();
   for (std::size_t t = 0; t < summary.targets.size(); ++t) {
     TargetSummary& target = summary.targets[t];
+    if (do_views_contradict) target.outlines.radius_m.reset();
     if (config::is_taught(config.targets[t])) target.color = color::hue_text(config.targets[t].color);
     if (target.first_tracking_set) {
       if (target.first_tracking_s > usual_search_s)
-        target.advice = reports::late_advice(figures.searches[t], config.targets[t]);
+        target.advice = reports::late_advice(figures.searches[t], config.targets[t], do_views_contradict);
       if (target.advice.empty()) target.advice = reports::seldom_advice(tracked_share(target), config.targets[t]);
       continue;
     }
@@ -306,7 +311,7 @@ ReplaySummary summary_of(const config::ServiceConfig& config, const ReplayComman
     if (!target.advice.empty()) continue;
     target.advice =
         config::is_taught(config.targets[t])
-            ? reports::search_advice(figures.searches[t], config.targets[t], cameras)
+            ? reports::search_advice(figures.searches[t], config.targets[t], cameras, do_views_contradict)
             : "it has no colour yet: " +
                   config::teach_advice(config, config.targets[t], fmt::format("{}", fmt::join(command.recording, " ")));
   }
@@ -364,8 +369,8 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   session.save_camera_map();
 
   for (const auto& warning : playback.source().take_warnings()) spdlog::warn("{}", warning);
-  ReplaySummary summary =
-      summary_of(session.config(), command, session.figures(), playback, tally, began, stop.stop_requested());
+  ReplaySummary summary = summary_of(session.config(), command, session.figures(), playback, tally, began,
+                                     stop.stop_requested(), reports.mistakes.do_views_contradict());
   if (playback.played != nullptr) summary.held_s = capture::seconds(playback.played->paused());
   summary.wall_s -= summary.held_s;
   summary.mistakes = reports.mistakes.summary();

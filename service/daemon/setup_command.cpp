@@ -195,7 +195,9 @@ void set_up(const SetUpCommand& command, LiveRequests& requests, const std::stop
     fmt::print("next: huetrackd run {}, and in a second terminal: huetrack view\n", command.config.string());
     return;
   }
-  const auto page = start_page({});
+  const auto page =
+      start_page({}, [] { std::fputs("huetrackd: the page has ended: huetrack view starts it again\n", stderr); });
+  if (!page) fmt::print("huetrack was not found next to huetrackd or on the PATH: continuing without the page\n");
   std::fflush(stdout);
   run(command.config, {}, requests, stop);
 }

@@ -104,7 +104,8 @@ void StatusReporter::take_over(const config::ServiceConfig& config) {
 
 publish::ServiceStatus StatusReporter::report(const pipeline::PipelineFigures& figures,
                                               std::chrono::steady_clock::time_point now, capture::Timestamp unix_now,
-                                              std::span<const std::optional<capture::CameraHealth>> live) {
+                                              std::span<const std::optional<capture::CameraHealth>> live,
+                                              bool do_views_contradict) {
   if (latest_ && now - latest_->at >= shortest_rate_window) past_ = std::move(latest_);
   const capture::Duration window = past_ ? now - past_->at : 0ns;
 
@@ -152,8 +153,9 @@ publish::ServiceStatus StatusReporter::report(const pipeline::PipelineFigures& f
   constexpr std::size_t long_search = 60;  // sets
   for (std::size_t t = 0; t < std::min(targets_.size(), figures.searches.size()); ++t) {
     if (figures.searches[t].sets < long_search || !config::is_taught(targets_[t])) continue;
-    status.warnings.push_back("target " + targets_[t].name + " is not found: " +
-                              reports::search_advice(figures.searches[t], targets_[t], camera_names(status)));
+    status.warnings.push_back(
+        "target " + targets_[t].name + " is not found: " +
+        reports::search_advice(figures.searches[t], targets_[t], camera_names(status), do_views_contradict));
   }
   if (figures.camera_frames_dropped > 0)
     status.warnings.push_back("camera tracking is too slow: " + std::to_string(figures.camera_frames_dropped) +

@@ -25,10 +25,11 @@ class StatusReporter {
   void take_over(const config::ServiceConfig& config);
 
   // live: health of the live cameras, per camera of the rig, nullopt: not used; empty in a replay. Rates are averaged
-  // since a report at least half a second ago.
+  // since a report at least half a second ago. do_views_contradict: MistakeReport's.
   publish::ServiceStatus report(const pipeline::PipelineFigures& figures, std::chrono::steady_clock::time_point now,
                                 capture::Timestamp unix_now,
-                                std::span<const std::optional<capture::CameraHealth>> live = {});
+                                std::span<const std::optional<capture::CameraHealth>> live = {},
+                                bool do_views_contradict = false);
 
  private:
   calib::RigHistory rig_history_;

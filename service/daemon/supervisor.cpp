@@ -113,7 +113,8 @@ Supervisor::Healths Supervisor::healths() const {
 
 void Supervisor::publish_status(const pipeline::PipelineFigures& figures, const Healths& cameras,
                                 std::span<const metrics::TargetFigures> targets, Clock::time_point now, bool is_last) {
-  status_ = reporter_.report(figures, now, std::chrono::system_clock::now(), cameras.by_rig);
+  status_ = reporter_.report(figures, now, std::chrono::system_clock::now(), cameras.by_rig,
+                             the_.reports.mistakes.do_views_contradict());
   add_warnings(status_);
   log_new(status_.warnings, figures.tracked_camera);
   std::ranges::copy(the_.reports.warnings(),

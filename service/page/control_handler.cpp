@@ -354,13 +354,16 @@ void ControlHandler::history(const std::string& word, const config::ServiceConfi
   require_teaching(config);
   if (word != "history") {
     const bool is_undo = word == "undo";
+    const config::TaughtHistory before = config::taught_history(config.file);
+    const std::string& change = is_undo ? before.undoes : before.redoes;
     const std::string file = (is_undo ? config::undo_taught(config.file) : config::redo_taught(config.file)).filename();
-    reply.reason(fmt::format("{}: {} is as it was {}.{}", is_undo ? "Undone" : "Redone", file,
-                             is_undo ? "before the save" : "after it", take_over(config)));
+    reply.reason(fmt::format("{}: {}{}{} is as it was {}.{}", is_undo ? "Undone" : "Redone", change,
+                             change.empty() ? "" : "; ", file, is_undo ? "before the save" : "after it",
+                             take_over(config)));
   }
   const config::TaughtHistory left = config::taught_history(config.file);
-  add_row(reply, {"undoable", std::to_string(left.undoable)});
-  add_row(reply, {"redoable", std::to_string(left.redoable)});
+  add_row(reply, {"undoable", std::to_string(left.undoable), left.undoes});
+  add_row(reply, {"redoable", std::to_string(left.redoable), left.redoes});
 }
 
 void ControlHandler::record(Words words, const config::ServiceConfig& config, msg::ControlReply& reply) const {

@@ -307,6 +307,7 @@ void print_lesson(const color_teaching::Lesson& lesson, const calib::CameraRig& 
       fmt::print("  hue_deg: [{:g}, {:g}], saturation: [{:g}, {:g}], intensity: [{:g}, {:g}]\n", view.color.hue_min_deg,
                  view.color.hue_max_deg, view.color.saturation_min, view.color.saturation_max, view.color.intensity_min,
                  view.color.intensity_max);
+      if (view.narrower) fmt::print("  narrow it with --wider {}\n", view.narrower->wider);
     } else if (view.region) {
       fmt::print("  confirm it with  --at {},{},{},{}  or accept all suggestions with --accept\n", rig.cameras[c].name,
                  numbers[c], std::lround(view.region->centre.x()), std::lround(view.region->centre.y()));

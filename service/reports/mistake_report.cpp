@@ -20,7 +20,9 @@ void MistakeReport::on_set(const pipeline::TrackedSet& set) {
   std::vector<std::string> now, kinds;
   std::vector<bool> are_radii;
   for (const auto& of_target : set.mistakes)
-    has_contradiction_ |= std::ranges::any_of(of_target, view_watch::is_of_rig, &view_watch::Mistake::kind);
+    if (std::ranges::any_of(of_target, view_watch::is_of_rig, &view_watch::Mistake::kind)) has_contradiction_ = true;
+  if (std::ranges::any_of(set.calibration, [](const auto& camera) { return camera.moved && !camera.is_mended; }))
+    has_contradiction_ = true;
   for (std::size_t t = 0; t < set.mistakes.size() && t < targets_.size(); ++t) {
     for (const auto& mistake : set.mistakes[t]) {
       if (view_watch::is_of_rig(mistake.kind) && mistake.kind != view_watch::MistakeKind::contradiction)

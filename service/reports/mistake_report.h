@@ -2,6 +2,7 @@
 // rig, a wrong radius or colour. Each is logged once and is a warning while it lasts.
 #pragma once
 
+#include <atomic>
 #include <map>
 #include <mutex>
 #include <optional>
@@ -23,6 +24,8 @@ class MistakeReport final : public pipeline::Output {
   std::vector<std::string> warnings() const;
   // All mistakes since the start, one sentence each, with the time since the first set. After the run.
   std::vector<std::string> summary() const;
+  // Since the start: a measured radius means nothing then (radius_advice.h). thread-safe
+  bool do_views_contradict() const { return has_contradiction_; }
   // A mistake explains that the search could not succeed: a camera or the rig is wrong. After the run.
   bool has_explained_rig() const { return has_explained_rig_; }
 
@@ -37,8 +40,7 @@ class MistakeReport final : public pipeline::Output {
   std::optional<capture::Timestamp> first_at_;  // the tracking thread's
   std::map<std::string, Named> ever_;           // guarded by mutex_; by target, kind and cameras
   bool has_explained_rig_ = false;
-  // The views contradict one another, so a radius from them means nothing. The tracking thread's.
-  bool has_contradiction_ = false;
+  std::atomic<bool> has_contradiction_ = false;
   std::vector<std::string> order_;  // the tracking thread's; keys of ever_ in order of appearance
   mutable std::mutex mutex_;
   std::vector<object_tracking::TargetOptions> targets_;  // guarded by mutex_

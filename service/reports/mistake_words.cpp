@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "reports/search_advice.h"
+#include "reports/radius_advice.h"
 
 namespace huetrack::reports {
 
@@ -88,15 +88,7 @@ std::string mistake_text(const view_watch::Mistake& mistake, const object_tracki
           "names of image files, or what made the videos",
           target.name, mistake.size, mistake.jumps);
     case MistakeKind::radius:
-      if (mistake.is_of_outlines)
-        return fmt::format(
-            "the outlines of {} show a radius of {:.3f} m in all views (a few per cent more if it is a few pixels "
-            "large), not {:.3g}: measure it, and correct radius_m",
-            target.name, mistake.size, target.radius_m);
-      return fmt::format(
-          "the views of {} agree on a radius of about {:.2g} m (a quarter less if it is a few pixels large, because of "
-          "blur), not {:.3g}: measure it, and correct radius_m; if it is right, the colour is too wide or too narrow",
-          target.name, mistake.size, target.radius_m);
+      return radius_advice(mistake.range_m, target);
     case MistakeKind::shared_color:
       return fmt::format(
           "the colour of {} covers {:.0f} % of {}'s picture, far more than the object can: narrow the colour, or "

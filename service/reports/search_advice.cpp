@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "color/color_name.h"
+#include "reports/radius_advice.h"
 
 namespace huetrack::reports {
 
@@ -10,17 +11,16 @@ namespace {
 
 std::string size_advice(const std::optional<double>& radius_m, const object_tracking::TargetOptions& target) {
   if (!radius_m || objects::are_radii_alike(*radius_m, target.radius_m)) return {};
-  return fmt::format(
-      "what has its colour has the size of a ball of radius {:.3g} m, not {:.3g}: correct radius_m, or {} its colour",
-      *radius_m, target.radius_m, *radius_m > target.radius_m ? "narrow" : "widen");
+  return radius_advice(objects::alike_radii(*radius_m), target);
 }
 
 std::string what_to_try(const objects::SearchFindings& findings, const object_tracking::TargetOptions& target,
-                        const std::vector<std::string>& cameras) {
+                        const std::vector<std::string>& cameras, bool do_views_contradict) {
   std::vector<std::string> seeing, blind;
   for (std::size_t c = 0; c < findings.sets_with_color.size() && c < cameras.size(); ++c)
     (findings.shows_color(c) ? seeing : blind).push_back(cameras[c]);
-  if (std::string of_size = size_advice(findings.radius_m, target); !of_size.empty()) return of_size;
+  if (std::string of_size = size_advice(findings.radius_m, target); !of_size.empty() && !do_views_contradict)
+    return of_size;
   if (seeing.empty()) return "no camera shows a region of its colour: widen its colour, or check the volume";
   if (!blind.empty())
     return fmt::format("its colour is seen by {} but hardly ever by {}: set camera_colors for these",
@@ -31,6 +31,9 @@ std::string what_to_try(const objects::SearchFindings& findings, const object_tr
                : "no round region of its colour has a size that gives a distance inside the volume: check the radius, "
                  "the "
                  "volume and the colour";
+  if (do_views_contradict)
+    return "all cameras show regions of its colour, but the views contradict one another: correct the calibration "
+           "first";
   return "all cameras show regions of its colour, but their rays do not meet in the volume where a ball of its radius "
          "would look so: check the calibration and the radius, or narrow its colour";
 }
@@ -38,11 +41,11 @@ std::string what_to_try(const objects::SearchFindings& findings, const object_tr
 }  // namespace
 
 std::string search_advice(const objects::SearchFindings& findings, const object_tracking::TargetOptions& target,
-                          const std::vector<std::string>& cameras) {
+                          const std::vector<std::string>& cameras, bool do_views_contradict) {
   if (findings.sets == 0) return {};
   const std::string opencv = color::opencv_hue_text(target.color);
-  return what_to_try(findings, target, cameras) + "; " + color::hue_text(target.color) + (opencv.empty() ? "" : "; ") +
-         opencv;
+  return what_to_try(findings, target, cameras, do_views_contradict) + "; " + color::hue_text(target.color) +
+         (opencv.empty() ? "" : "; ") + opencv;
 }
 
 std::string seldom_advice(double tracked_share, const object_tracking::TargetOptions& target) {
@@ -53,7 +56,9 @@ std::string seldom_advice(double tracked_share, const object_tracking::TargetOpt
                      100 * tracked_share, color::hue_text(target.color), opencv);
 }
 
-std::string late_advice(const objects::SearchFindings& findings, const object_tracking::TargetOptions& target) {
+std::string late_advice(const objects::SearchFindings& findings, const object_tracking::TargetOptions& target,
+                        bool do_views_contradict) {
+  if (do_views_contradict) return "";
   const std::string of_size = size_advice(findings.radius_before_m, target);
   return of_size.empty() ? "" : "it was found late: " + of_size;
 }

@@ -647,7 +647,10 @@ std::optional<Mistake> ViewWatch::of_radius(const object_tracking::OutlineFindin
     const bool is_wrong = outlines.largest_radius_m < target_fault.min_outline_ratio * target_.radius_m ||
                           outlines.least_radius_m > target_fault.max_outline_ratio * target_.radius_m;
     if (!is_wrong) return std::nullopt;
-    return Mistake{.kind = MistakeKind::radius, .size = *outlines.radius_m, .is_of_outlines = true};
+    return Mistake{.kind = MistakeKind::radius,
+                   .size = *outlines.radius_m,
+                   .range_m = {outlines.least_radius_m / target_fault.max_outline_ratio,
+                               outlines.largest_radius_m / target_fault.min_outline_ratio}};
   }
   const PairComparison comparison(rig_);
   std::vector<double> radii_m;
@@ -665,7 +668,9 @@ std::optional<Mistake> ViewWatch::of_radius(const object_tracking::OutlineFindin
   const double radius_m = target_.radius_m;
   if (high_m > target_fault.min_region_ratio * radius_m && low_m < target_fault.max_region_ratio * radius_m)
     return std::nullopt;
-  return Mistake{.kind = MistakeKind::radius, .size = radii_m[radii_m.size() / 2]};
+  return Mistake{.kind = MistakeKind::radius,
+                 .size = radii_m[radii_m.size() / 2],
+                 .range_m = {low_m / target_fault.max_region_ratio, high_m / target_fault.min_region_ratio}};
 }
 
 // A mistake is named when it was found often enough, and as long as it is found again within some seconds.

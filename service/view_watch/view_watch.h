@@ -10,6 +10,7 @@
 #include <optional>
 #include <span>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "calib/model/camera_rig.h"
@@ -44,10 +45,11 @@ struct Mistake {
   MistakeKind kind = MistakeKind::other_rig;
   std::vector<int> cameras = {};  // of the rig
   double size = 0;
-  double off_px = 0;            // median epipolar residual of the worst pair; 0: late, but compensated
-  double zoom = 1;              // turned: this ratio of focal length to the rig's also explains it; 1: none
-  bool is_of_outlines = false;  // radius: from outline fits in all views, not only from region sizes
-  bool do_some_agree = false;   // contradiction: two cameras are consistent: hardly their fault
+  double off_px = 0;  // median epipolar residual of the worst pair; 0: late, but compensated
+  double zoom = 1;    // turned: this ratio of focal length to the rig's also explains it; 1: none
+  // radius: the range of true ones, m, that the outlines or, without them, the regions leave.
+  std::pair<double, double> range_m = {0, 0};
+  bool do_some_agree = false;  // contradiction: two cameras are consistent: hardly their fault
   // late, uneven_times: per camera of the rig, the latency beyond the tracker's estimate.
   std::vector<double> extra_latency_s = {};
   double since_s = 0;  // start of what jumped; 0: the whole window

@@ -193,7 +193,7 @@ async function test() {
   assert.match(saved, /^rig: .*my\.rig-/m);
   await openTool(page, "teach");
   await page.click("#teach-undo");
-  await until("it is undone", async () => /^Undone: my\.taught\.yaml is as it was before/.test(await page.textContent("#teach-says")));
+  await until("it is undone", async () => /^Undone: colour[^;]*; my\.taught\.yaml is as it was before/.test(await page.textContent("#teach-says")));
   await until("it is not tracked any more", async () => (await state()) === "searching");
   await page.click("#teach-redo");
   await until("it is tracked again", async () => (await state()) === "tracking");

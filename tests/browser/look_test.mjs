@@ -593,8 +593,17 @@ async function costs(browser, address) {
       pictures: (after.pictures - before.pictures) / passed };
   };
   const beat = (k) => k % 30 === 0 && (tell("pulse", { now: now(), domain: 75, bus: "lo", publishers: 1, trouble: "" }, "pulse"), status(sizes));
-  await over(1, beat);
+  await over(4, beat); // the browser still compiles what it has just loaded
+  await page.evaluate(() => {
+    window.drawn.rewritten = [];
+    new MutationObserver((all) => {
+      for (const { target, addedNodes, removedNodes } of all)
+        if (addedNodes.length === 1 && removedNodes.length === 1 && addedNodes[0].nodeType === 3 && addedNodes[0].data === removedNodes[0].data)
+          window.drawn.rewritten.push(target.id || target.className || target.tagName);
+    }).observe(document.body, { subtree: true, childList: true });
+  });
   const idle = await over(5, beat);
+  idle.rewritten = await page.evaluate(() => window.drawn.rewritten);
   const places = [["lime", [200, 200], 14], ["pink", [400, 240], 14]];
   const jpegs = [await drawn(page, sizes[0], places), await drawn(page, sizes[0], [["lime", [220, 210], 14], ["pink", [390, 250], 14]])];
   const run = (k) => {
@@ -629,6 +638,7 @@ async function test() {
     const { idle, running } = await costs(browser, address);
     // Nothing new but a status a second: no picture is drawn again, and hardly anything else.
     assert.ok(idle.pictures === 0 && idle.frames < 4, `an idle page draws ${idle.frames} frames and ${idle.pictures} pictures a second`);
+    assert.deepEqual(idle.rewritten, [], "an idle page writes texts that stand there already");
     // Positions come 30 times a second, and three pictures 7.5 times; what comes together is drawn together.
     assert.ok(running.frames < 36, `a running page draws ${running.frames} frames a second`);
     assert.ok(running.pictures > 1 && running.pictures < 100, `a running page draws ${running.pictures} pictures a second`);

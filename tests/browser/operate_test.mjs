@@ -142,8 +142,9 @@ async function test() {
   await until("it is saved", async () => /^Saved: lime is now tracked/.test(await says()));
   await until("it is not seen any more", async () => ["searching", "lost"].includes(await state("lime")));
   assert.match(readFileSync(join(folder, "my.taught.yaml"), "utf8"), /radius_m: 0\.055[\s\S]*hue_deg: \[200, 220\]/);
+  assert.equal(await page.textContent("#adjust-undo"), "Undo: colour and radius of lime");
   await page.click("#adjust-undo");
-  await until("it is undone", async () => /^Undone: my\.taught\.yaml is as it was before the save/.test(await says()));
+  await until("it is undone", async () => /^Undone: colour and radius of lime; my\.taught\.yaml is as it was before the save/.test(await says()));
   await until("it is tracked again", async () => (await state("lime")) === "tracking");
   await until("there is nothing older", () => page.isHidden("#adjust-undo"));
 
@@ -170,7 +171,8 @@ async function test() {
     throw new Error(`${await says()}; ${await page.textContent("#adjust-names .hint")}`, { cause: error });
   });
   await until("wand is tracked", async () => (await state("wand")) === "tracking");
-  await until("three may be undone", async () => (await page.textContent("#adjust-undo")) === "Undo (3)");
+  await until("the last change may be undone", async () => (await page.textContent("#adjust-undo")) === "Undo: renaming of second to wand");
+  assert.match(await page.getAttribute("#adjust-undo", "aria-label"), /; 3 can be undone$/);
   const checked = start(options.huetrackd, "check", config);
   assert.equal(await checked.ended, 0, checked.err);
   assert.match(checked.out, /  wand:\n    radius_m: 0\.04[^\n]*(?<!taught\.yaml)\n    shape: \S+ +# from my\.taught\.yaml/);

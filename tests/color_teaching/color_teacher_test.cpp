@@ -162,7 +162,7 @@ TEST(ColorTeacher, NamesAPatch) {
   EXPECT_LE(wide.views[0].narrower->wider, 0);
   EXPECT_GE(wide.views[0].narrower->object_share, least_object_share);
   EXPECT_LT(wide.views[0].narrower->background_share, 0.5 * wide.views[0].background_share);
-  EXPECT_THAT(wide.views[0].verdict, HasSubstr(", to --wider"));
+  EXPECT_THAT(wide.views[0].verdict, HasSubstr(": narrow it by "));
   // As narrow as it gets, little of the object is left, and that is said.
   const Taught narrow = teacher.teach({.points = points, .wider = -20}, volume);
   EXPECT_LT(narrow.views[0].object_share, least_object_share);

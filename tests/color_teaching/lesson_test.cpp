@@ -40,7 +40,8 @@ TEST(Lesson, FromOneClickToTheTargetsColour) {
   TeachRequestOptions both;
   both.points = {request.points[0], {1, one.taught.views[1].region->centre}};
   ASSERT_TRUE(accepted.narrowed_to);
-  EXPECT_THAT(one.taught.views[0].verdict, HasSubstr(fmt::format("to --wider {} ", *accepted.narrowed_to)));
+  EXPECT_THAT(one.taught.views[0].verdict,
+              HasSubstr(fmt::format("narrow it by {} step", request.wider - *accepted.narrowed_to)));
   both.wider = *accepted.narrowed_to;
   const Lesson pointed = learn(teacher, both, {lime}, lime, volume);
   EXPECT_THAT(accepted.unconfirmed, IsEmpty());
@@ -54,8 +55,8 @@ TEST(Lesson, FromOneClickToTheTargetsColour) {
   lime.radius_m = 0.01;
   both.wider = -20;
   const Lesson narrow = learn(teacher, both, {lime}, lime, volume);
-  EXPECT_THAT(radius_words(narrow.radius, lime.radius_m), HasSubstr("but radius_m says 10 mm"));
-  EXPECT_THAT(radius_words(narrow.radius, 0.04), HasSubstr("radius_m says 40 mm, which agrees"));
+  EXPECT_THAT(radius_words(narrow.radius, lime.radius_m), HasSubstr("but the configured radius is 10 mm"));
+  EXPECT_THAT(radius_words(narrow.radius, 0.04), HasSubstr("which agrees with the configured 40 mm"));
   EXPECT_TRUE(narrow.is_faint);
 
   // Where there is nothing coloured nothing is learnt, and the target stays what it is.
@@ -75,7 +76,7 @@ TEST(Lesson, WordsOfTheRadius) {
   EXPECT_FALSE(differs_clearly(proposal, 0.039));
   EXPECT_TRUE(differs_clearly(proposal, 0.042));
   EXPECT_TRUE(differs_clearly(proposal, 0.033));
-  EXPECT_THAT(radius_words(proposal, 0.042), HasSubstr("but radius_m says 42 mm"));
+  EXPECT_THAT(radius_words(proposal, 0.042), HasSubstr("but the configured radius is 42 mm"));
   // As unsure as that, nothing contradicts it.
   EXPECT_FALSE(differs_clearly({.radius_m = 0.03724, .sigma_m = 0.004}, 0.042));
   const RadiusProposal unknown{.why_not = "only one camera shows the object"};

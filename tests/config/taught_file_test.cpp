@@ -143,6 +143,22 @@ TEST_F(TaughtFile, ManySavesAreUndoneStepByStepAndDoneAgain) {
   EXPECT_EQ(hue(), 119);
 }
 
+TEST_F(TaughtFile, TheHistoryNamesTheNextChange) {
+  const ServiceConfig config = with(by_hand);
+  EXPECT_EQ(taught_history(file).undoes, "");
+  save_taught(file, config.targets[0], {});
+  save_target(file, {.target = "ball", .radius_m = 0.05});
+  EXPECT_EQ(taught_history(file).undoes, "radius of ball");
+  save_ignored(file, {});
+  EXPECT_EQ(taught_history(file).undoes, "ignored rectangles");
+  undo_taught(file);
+  undo_taught(file);
+  EXPECT_EQ(taught_history(file).undoes, "colour of ball");
+  EXPECT_EQ(taught_history(file).redoes, "radius of ball");
+  std::ofstream(taught) << "version: 1\n";  // by hand
+  EXPECT_EQ(taught_history(file).undoes, "");
+}
+
 TEST_F(TaughtFile, TargetsAreChangedByHand) {
   with(by_hand);
   save_target(file, {.target = "ball", .radius_m = 0.05, .hue_deg = std::pair(340.0, 20.0)});

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include "capture/loopback_port.h"
 #include "end_to_end/http.h"
 #include "end_to_end/process.h"
 #include "publish/test_domain.h"
@@ -59,6 +60,22 @@ TEST_F(Demo, TracksServesThePageAndLeavesNothingBehind) {
   service->kill(SIGINT);
   EXPECT_EQ(service->wait(), 0);
   EXPECT_TRUE(fs::is_empty(folder / "tmp"));
+}
+
+TEST_F(Demo, EndsWithAnErrorIfItsPortIsInUse) {
+  const capture::LoopbackPort other;
+  start({"--port", std::to_string(other.number)});
+  EXPECT_EQ(service->wait(), 1);
+  EXPECT_THAT(service->out(), HasSubstr("cannot listen on 127.0.0.1:" + std::to_string(other.number)));
+  EXPECT_THAT(service->err(), HasSubstr("huetrackd: the page has ended, and the demo with it"));
+}
+
+TEST_F(Demo, EndsWithAnErrorWithoutThePagesProgram) {
+  auto without_huetrack = environment();
+  without_huetrack["PATH"] = "/usr/bin:/bin";
+  service.emplace(std::vector<std::string>{HUETRACKD, "demo"}, folder / "out", folder / "err", without_huetrack);
+  EXPECT_EQ(service->wait(), 1);
+  EXPECT_THAT(service->err(), HasSubstr("huetrack, is neither next to huetrackd nor on the PATH"));
 }
 
 TEST_F(Demo, RecordsIntoAFolderOfOnesOwn) {

@@ -317,6 +317,10 @@ TEST_F(EndToEnd, MistakesAreOneReadableLineAndExitStatusOne) {
       "version: 1\nrig: " + recording + "/rig.yaml\ntargets: {lime: {radius_m: 0.04, color: {hue_deg: [65, 115]}}}\n",
       "watched.yaml");
   const std::string misspelt = write("version: 1\nrgi: rig.yaml\n", "misspelt.yaml");
+  const std::string without_dds = write("version: 1\nrig: " + recording +
+                                            "/rig.yaml\ncontrol: {allow_teach: true}\ndds: {enabled: false}\n"
+                                            "targets: {lime: {radius_m: 0.04, color: {hue_deg: [65, 115]}}}\n",
+                                        "without_dds.yaml");
   struct Mistake {
     std::vector<std::string> arguments;
     std::string message;  // a part of it
@@ -340,7 +344,9 @@ TEST_F(EndToEnd, MistakesAreOneReadableLineAndExitStatusOne) {
       {{"replay", config, config, "--no-dds"}, "this is a configuration, not a recording"},
       {{"replay", config, recording + "/cam0.mkv", "--no-dds"}, "cam0.mkv: is a video or a picture, not a recording"},
       {{"replay", only_watched, recording, "--hold"}, "--hold needs control: {allow_teach: true}"},
-      {{"replay", config, recording, "--hold", "--no-dds"}, "--hold needs DDS"},
+      {{"replay", config, recording, "--hold", "--no-dds"},
+       "--hold needs DDS, because the page continues the replay: leave out --no-dds"},
+      {{"replay", without_dds, recording, "--hold"}, without_dds + ": --hold needs dds: {enabled: true}"},
       {{"compare", "/no/t.csv", recording + "/groundtruth.csv"}, "/no/t.csv: cannot be read"},
   };
   for (const auto& mistake : mistakes) {
@@ -417,6 +423,24 @@ TEST_F(EndToEnd, AWordThatIsNoCommandIsNamed) {
   const Result client = run({HUETRACK, "wathc"});
   EXPECT_NE(client.status, 0);
   EXPECT_EQ(client.err, "huetrack: there is no command wathc (did you mean watch?); huetrack --help lists them\n");
+}
+
+TEST_F(EndToEnd, AnUnknownOptionOfAnyProgramIsNamed) {
+  const auto message = [this](std::vector<std::string> words) {
+    const Result result = run(words);
+    EXPECT_NE(result.status, 0);
+    return result.err;
+  };
+  EXPECT_EQ(message({HUETRACKD, "replay", config, recording, "--sped", "2"}),
+            "huetrackd replay has no option --sped (did you mean --speed?); huetrackd replay --help lists them\n");
+  EXPECT_THAT(message({HUETRACKD, "replay", "--strikt"}),
+              StartsWith("huetrackd replay has no option --strikt (did you"));
+  EXPECT_THAT(message({HUETRACKD, "--versoin"}),
+              StartsWith("huetrackd has no option --versoin (did you mean --version?)"));
+  EXPECT_THAT(message({HUETRACK, "watch", "--formt", "csv"}),
+              StartsWith("huetrack watch has no option --formt (did you mean --format?)"));
+  EXPECT_THAT(message({HUETRACK_CALIBRATE, "wave", "--radus", "40"}),
+              StartsWith("huetrack-calibrate wave has no option --radus (did you mean --radius?)"));
 }
 
 TEST_F(EndToEnd, WrongUsageIsSaidAndVersionsAreTold) {

@@ -361,6 +361,10 @@ TEST_F(Server, ReportsUnusableAddresses) {
   PageServerOptions named = options();
   named.address = "localhost";
   EXPECT_GT(PageServer(named, hub, {}).port(), 0);
+  taken.or_any_free = true;
+  const int another = PageServer(taken, hub, {}).port();
+  EXPECT_GT(another, 0);
+  EXPECT_NE(another, taken.port);
 }
 
 TEST_F(Server, RefusesNonsenseAndHugeHeaders) {

@@ -288,14 +288,15 @@ TEST_F(Targets, AreChangedAddedRenamedAndUndone) {
             "Removed: stick; written into c.taught.yaml. It takes effect at the next start.");
   can_restart = true;
   reply = ask({"undo"});
-  EXPECT_EQ(reply.reason(), "Undone: c.taught.yaml is as it was before the save.");
-  EXPECT_THAT(reply.rows().at(0).columns(), ElementsAre("undoable", "3"));
-  EXPECT_THAT(reply.rows().at(1).columns(), ElementsAre("redoable", "1"));
-  EXPECT_EQ(ask({"undo"}).reason(),
-            "Undone: c.taught.yaml is as it was before the save. The service restarts with it.");
+  EXPECT_EQ(reply.reason(), "Undone: removal of stick; c.taught.yaml is as it was before the save.");
+  EXPECT_THAT(reply.rows().at(0).columns(), ElementsAre("undoable", "3", "renaming of wand to stick"));
+  EXPECT_THAT(reply.rows().at(1).columns(), ElementsAre("redoable", "1", "removal of stick"));
+  EXPECT_EQ(
+      ask({"undo"}).reason(),
+      "Undone: renaming of wand to stick; c.taught.yaml is as it was before the save. The service restarts with it.");
   EXPECT_TRUE(ask({"redo"}).granted());
   EXPECT_EQ(config.targets.at(1).name, "stick");
-  EXPECT_THAT(ask({"history"}).rows().at(1).columns(), ElementsAre("redoable", "1"));
+  EXPECT_THAT(ask({"history"}).rows().at(1).columns(), ElementsAre("redoable", "1", "removal of stick"));
 }
 
 TEST_F(Targets, NonsenseChangesNothing) {

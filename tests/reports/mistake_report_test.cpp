@@ -15,11 +15,17 @@ using view_watch::MistakeKind;
 
 class MistakeReportOfLime : public testing::Test {
  protected:
-  void see(double at_s, const std::vector<Mistake>& mistakes) {
+  void see(double at_s, const std::vector<Mistake>& mistakes,
+           const std::vector<pipeline::CameraCalibration>& calibration = {}) {
     capture::FrameSet frames;
     frames.at = capture::Timestamp(capture::duration_of(at_s));
     const std::vector<std::vector<Mistake>> of_targets{mistakes};
-    report.on_set({.frames = frames, .estimates = {}, .received_at = {}, .trackers = {}, .mistakes = of_targets});
+    report.on_set({.frames = frames,
+                   .estimates = {},
+                   .received_at = {},
+                   .trackers = {},
+                   .calibration = calibration,
+                   .mistakes = of_targets});
   }
   static config::ServiceConfig of_lime() {
     config::ServiceConfig config;
@@ -32,7 +38,7 @@ class MistakeReportOfLime : public testing::Test {
 };
 
 TEST_F(MistakeReportOfLime, ACorrectedMistakeStaysInTheSummary) {
-  see(0, {{.kind = MistakeKind::radius, .size = 0.05}});
+  see(0, {{.kind = MistakeKind::radius, .size = 0.05, .range_m = {0.045, 0.055}}});
   report.on_config(config);
   see(1, {{.kind = MistakeKind::shared_color, .cameras = {1}, .size = 0.2}});
   see(2, {});
@@ -41,11 +47,26 @@ TEST_F(MistakeReportOfLime, ACorrectedMistakeStaysInTheSummary) {
 
 // A radius that follows from views that contradict one another is none.
 TEST_F(MistakeReportOfLime, SaysNothingOfTheRadiusWhereTheViewsContradictOneAnother) {
-  see(0, {{.kind = MistakeKind::radius, .size = 0.05}});
+  see(0, {{.kind = MistakeKind::radius, .size = 0.05, .range_m = {0.045, 0.055}}});
   EXPECT_EQ(report.warnings().size(), 1u);
-  see(1, {{.kind = MistakeKind::radius, .size = 0.05}, {.kind = MistakeKind::contradiction, .off_px = 20}});
+  see(1, {{.kind = MistakeKind::radius, .size = 0.05, .range_m = {0.045, 0.055}},
+          {.kind = MistakeKind::contradiction, .off_px = 20}});
   EXPECT_THAT(report.warnings(), ElementsAre(HasSubstr("which camera is wrong cannot be determined")));
   EXPECT_THAT(report.summary(), ElementsAre(HasSubstr("which camera is wrong cannot be determined")));
+  EXPECT_TRUE(report.do_views_contradict());
+}
+
+// Before a camera's move is mended, its views are inconsistent by what is known already.
+TEST_F(MistakeReportOfLime, SaysNothingOfTheRadiusWhileACameraStandsElsewhere) {
+  std::vector<pipeline::CameraCalibration> calibration(2);
+  calibration[1].moved.emplace();
+  calibration[1].is_mended = true;
+  see(0, {}, calibration);
+  EXPECT_FALSE(report.do_views_contradict());
+  calibration[1].is_mended = false;
+  see(1, {{.kind = MistakeKind::radius, .size = 0.05, .range_m = {0.045, 0.055}}}, calibration);
+  EXPECT_TRUE(report.do_views_contradict());
+  EXPECT_THAT(report.warnings(), testing::IsEmpty());
 }
 
 }  // namespace

@@ -49,11 +49,8 @@ TEST(MistakeWords, NameCameraSizeAndRemedy) {
   EXPECT_THAT(text({MistakeKind::contradiction, {}, 0, 9}),
               AllOf(HasSubstr("up to 9 px apart"), HasSubstr("calibrate again")));
   EXPECT_THAT(text({MistakeKind::other_rig, {}, 0, 80}), HasSubstr("another room"));
-  EXPECT_THAT(text({MistakeKind::radius, {}, 0.028, 0}),
-              AllOf(HasSubstr("a radius of about 0.028 m"), HasSubstr("not 0.04: measure it, and correct radius_m")));
-  EXPECT_THAT(
-      text({.kind = MistakeKind::radius, .size = 0.028, .is_of_outlines = true}),
-      AllOf(HasSubstr("a radius of 0.028 m in all views"), HasSubstr("not 0.04: measure it, and correct radius_m")));
+  EXPECT_THAT(text({.kind = MistakeKind::radius, .size = 0.028, .range_m = {0.025, 0.031}}),
+              HasSubstr("the pictures of orange show a radius of 0.025 to 0.031 m, not 0.04: measure it, and correct"));
   EXPECT_THAT(text({MistakeKind::shared_color, {2}, 0.12, 0}),
               HasSubstr("the colour of orange covers 12 % of top's picture"));
 }

@@ -10,6 +10,7 @@ using testing::HasSubstr;
 
 object_tracking::TargetOptions target_of(double radius_m) {
   object_tracking::TargetOptions target;
+  target.name = "ball";
   target.radius_m = radius_m;
   target.color.hue_min_deg = 10, target.color.hue_max_deg = 22;
   return target;
@@ -23,27 +24,36 @@ objects::SearchFindings findings_of(std::vector<std::size_t> sets_with_color) {
 }
 
 TEST(SearchAdvice, NoneWithoutASearch) {
-  EXPECT_EQ(search_advice({}, target_of(0.04), {"a", "b"}), "");
+  EXPECT_EQ(search_advice({}, target_of(0.04), {"a", "b"}, false), "");
 }
 
 TEST(SearchAdvice, StatesAWrongRadius) {
   objects::SearchFindings findings = findings_of({100, 100});
   findings.radius_m = 0.04;
-  EXPECT_THAT(search_advice(findings, target_of(0.1), {"a", "b"}),
-              HasSubstr("a ball of radius 0.04 m, not 0.1: correct radius_m, or widen its colour"));
-  EXPECT_THAT(search_advice(findings, target_of(0.02), {"a", "b"}), HasSubstr("or narrow its colour"));
-  EXPECT_THAT(search_advice(findings, target_of(0.045), {"a", "b"}), HasSubstr("their rays do not meet"));
+  EXPECT_THAT(search_advice(findings, target_of(0.1), {"a", "b"}, false),
+              AllOf(HasSubstr("a radius of 0.031 to 0.052 m, not 0.1: measure it, and correct radius_m"),
+                    HasSubstr("colour is too narrow")));
+  EXPECT_THAT(search_advice(findings, target_of(0.02), {"a", "b"}, false), HasSubstr("colour is too wide"));
+  EXPECT_THAT(search_advice(findings, target_of(0.045), {"a", "b"}, false), HasSubstr("their rays do not meet"));
+}
+
+TEST(SearchAdvice, SaysNothingOfTheRadiusWhereTheViewsContradictOneAnother) {
+  objects::SearchFindings findings = findings_of({100, 100});
+  findings.radius_m = findings.radius_before_m = 0.08;
+  EXPECT_THAT(search_advice(findings, target_of(0.04), {"a", "b"}, true),
+              AllOf(testing::Not(HasSubstr("radius")), HasSubstr("correct the calibration first")));
+  EXPECT_EQ(late_advice(findings, target_of(0.04), true), "");
 }
 
 TEST(SearchAdvice, NamesCamerasThatDoNotShowTheColor) {
-  EXPECT_THAT(search_advice(findings_of({0, 9}), target_of(0.04), {"a", "b"}),
+  EXPECT_THAT(search_advice(findings_of({0, 9}), target_of(0.04), {"a", "b"}, false),
               HasSubstr("no camera shows a region of its colour"));
-  EXPECT_THAT(search_advice(findings_of({10, 9}), target_of(0.04), {"a", "b"}),
+  EXPECT_THAT(search_advice(findings_of({10, 9}), target_of(0.04), {"a", "b"}, false),
               HasSubstr("its colour is seen by a but hardly ever by b: set camera_colors"));
 }
 
 TEST(SearchAdvice, NamesTheColorThatTheHueMeansAlsoInOpenCvUnits) {
-  EXPECT_THAT(search_advice(findings_of({0, 9}), target_of(0.04), {"a", "b"}),
+  EXPECT_THAT(search_advice(findings_of({0, 9}), target_of(0.04), {"a", "b"}, false),
               AllOf(HasSubstr("hue_deg [10, 22] is"), HasSubstr("OpenCV"), HasSubstr("write [20, 44]")));
 }
 
@@ -59,12 +69,12 @@ TEST(SeldomAdvice, NamesTheColorThatTheHueMeans) {
 
 TEST(LateAdvice, StatesTheRadiusThatTheSearchSaw) {
   objects::SearchFindings findings;
-  EXPECT_EQ(late_advice(findings, target_of(0.04)), "");
+  EXPECT_EQ(late_advice(findings, target_of(0.04), false), "");
   findings.radius_before_m = 0.04;
-  EXPECT_EQ(late_advice(findings, target_of(0.04)), "");
+  EXPECT_EQ(late_advice(findings, target_of(0.04), false), "");
   findings.radius_before_m = 0.08;
-  EXPECT_THAT(late_advice(findings, target_of(0.04)),
-              HasSubstr("it was found late: what has its colour has the size of a ball"));
+  EXPECT_THAT(late_advice(findings, target_of(0.04), false),
+              HasSubstr("it was found late: the pictures of ball show a radius of 0.062 to 0.1 m"));
 }
 
 }  // namespace

@@ -85,4 +85,8 @@ bool are_radii_alike(double a_m, double b_m) {
   return a_m <= search_evidence.alike * b_m && a_m >= b_m / search_evidence.alike;
 }
 
+std::pair<double, double> alike_radii(double radius_m) {
+  return {radius_m / search_evidence.alike, search_evidence.alike * radius_m};
+}
+
 }  // namespace huetrack::objects

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "color/color_region.h"
@@ -25,6 +26,9 @@ struct SearchFindings {
 
 // Two radii that one ball may have, as measured or configured: regions' areas are wrong by up to a half.
 bool are_radii_alike(double a_m, double b_m);
+
+// The true radii, from least to most, that a ball may have whose regions show this one.
+std::pair<double, double> alike_radii(double radius_m);
 
 // thread-compatible.
 class SearchLog {

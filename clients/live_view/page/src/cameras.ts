@@ -5,6 +5,7 @@ import type { CameraStatus, Color, Preview } from "./messages";
 import { save } from "./save";
 import { remember, setting } from "./settings";
 import { forPictures, openTool } from "./shell";
+import { write } from "./text";
 import { isHidden, watchVisibility } from "./visibility";
 import { store, targetOf } from "./store";
 
@@ -644,10 +645,8 @@ export function updateCameras(serving: boolean): void {
     const isHeld = serving && status!.mode === "held";
     const health = serving ? camera.health : "unknown";
     const slow = serving && !isHeld ? slowness(camera) : "";
-    view.health.textContent = isHeld
-      ? camera.frames > 1
-        ? "held"
-        : "held at its first frame"
+    const state = isHeld
+      ? "paused"
       : health === "delivering"
         ? camera.rate_hz > 0 // of the last second, of which there was none yet
           ? `${camera.rate_hz.toFixed(1)} Hz`
@@ -655,20 +654,22 @@ export function updateCameras(serving: boolean): void {
             ? "no frames"
             : "begins"
         : healthWords[health] ?? health;
+    write(view.health, state);
     view.health.dataset.health = isHeld ? "held" : slow ? "stalled" : health;
     // What goes on now; counts since the start are under Health.
     const text = isHeld ? "" : [camera.message, slow].filter(Boolean).join("; ");
-    view.note.textContent = text;
+    write(view.note, text);
     view.note.hidden = !text;
     view.card.classList.toggle("stale", !serving || (health !== "delivering" && !isHeld));
     if (!view.preview) {
       const size = store.scene?.cameras.find((c) => c.name === camera.name)?.size;
       if (size) shape(view, size);
-      view.awaited.textContent = !serving
+      const why = !serving
         ? "No service sends pictures."
         : health === "delivering" || isHeld
           ? "Waiting for its first picture."
           : `No picture: the camera is ${healthWords[health] ?? health}.`;
+      write(view.awaited, why);
     }
   }
   for (const [name, view] of views)

@@ -8,14 +8,15 @@ const buttons = () => [...document.querySelectorAll<HTMLButtonElement>("button[d
 
 function show(reply: ControlReply): void {
   if (!reply.granted) return;
-  const left = Object.fromEntries(reply.rows.map(([key, value]) => [key, Number(value)]));
+  const left = Object.fromEntries(reply.rows.map(([key, count, change]) => [key, { count: Number(count), change: change ?? "" }]));
   for (const button of buttons()) {
     const word = button.dataset.history as Word;
-    const count = left[`${word}able`] ?? 0;
+    const { count, change } = left[`${word}able`] ?? { count: 0, change: "" };
     button.disabled = false;
     button.hidden = !count; // nothing to undo: no button
-    button.textContent = count > 1 ? `${words[word]} (${count})` : words[word];
-    button.setAttribute("aria-label", word === "undo" ? `Undo the last save; ${count} can be undone` : `Redo the last undone save; ${count} can be redone`);
+    // One history for all tools: the button names the change, which may be of another tool.
+    button.textContent = change ? `${words[word]}: ${change}` : words[word];
+    button.setAttribute("aria-label", `${words[word]}: ${change || "the last save"}; ${count} can be ${word === "undo" ? "undone" : "redone"}`);
   }
 }
 

@@ -29,6 +29,7 @@ import { remember, rememberChoice, setting } from "./settings";
 import { isOpen, onLayout, onTool, restore } from "./shell";
 import { updateSteps } from "./steps";
 import { takeSceneForTeaching, takeTeachReply, updateTeach } from "./teach";
+import { write } from "./text";
 import { isHidden, watchVisibility } from "./visibility";
 
 const $ = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
@@ -240,13 +241,13 @@ function updateTargets(): void {
     card.dataset.state = fresh ? latest.state : "none";
     const text = (selector: string, value: string) => {
       const element = card.querySelector(selector)!;
-      if (element.textContent !== value) element.textContent = value;
+      write(element, value);
     };
     const swatch = card.querySelector(".swatch") as HTMLElement;
     if (swatch.dataset.color !== colorOf(target.name)) swatch.style.background = swatch.dataset.color = colorOf(target.name);
     const isHeld = isServing() && store.status?.mode === "held";
-    text(".state", fresh ? latest.state : isHeld ? "held" : "no news");
-    const title = fresh ? stateText[latest.state] : isHeld ? "a held replay: press Go on" : "no sample for two seconds";
+    text(".state", fresh ? latest.state : isHeld ? "paused" : "no news");
+    const title = fresh ? stateText[latest.state] : isHeld ? "the replay is paused: press Go on" : "no sample for two seconds";
     const state = card.querySelector(".state") as HTMLElement;
     if (state.title !== title) state.title = title;
     latest.position.forEach((value, i) => {
@@ -338,7 +339,7 @@ function updateTrackedCameras(): void {
     card.dataset.state = fresh ? latest.state : "none";
     const text = (selector: string, value: string) => {
       const element = card.querySelector(selector)!;
-      if (element.textContent !== value) element.textContent = value;
+      write(element, value);
     };
     text(".state", fresh ? latest.state : "no news");
     for (const [i, axis] of ["x", "y", "z"].entries()) {
@@ -389,25 +390,26 @@ function tick(): void {
   const justBegun = store.rates.length < 3; // statuses: no rate is known yet
   const isStuck = serving && !justBegun && status!.mode === "run" && status!.set_rate_hz < 0.05;
   link.dataset.link = !store.connected ? "bad" : serving && !isStuck ? "good" : "warn";
-  link.textContent = !store.connected ? "No bridge" : serving ? "Live" : "No service";
-  $("service").textContent = !store.connected
+  write(link, !store.connected ? "No bridge" : serving ? "Live" : "No service");
+  const service = !store.connected
     ? "The bridge does not answer. Trying again."
     : serving
       ? status!.mode === "held"
-        ? `replay on ${status!.host}, held at its first pictures`
+        ? `replay on ${status!.host}, paused: Go on continues it`
         : `${status!.mode === "run" ? "live cameras" : "replay"} on ${status!.host}, ${isStuck ? "no frame sets: do all cameras deliver?" : `${status!.set_rate_hz.toFixed(1)} sets/s`}`
       : `Waiting for huetrackd on ${pulse ? pulse.bus : "DDS"}. The page continues automatically.`;
+  write($("service"), service);
   updateNotices();
-  $("targets-title").textContent = store.trackedCameras.size === 0 ? "Targets" : store.targets.size === 0 ? "Tracked camera" : "Targets and tracked camera";
+  write($("targets-title"), store.trackedCameras.size === 0 ? "Targets" : store.targets.size === 0 ? "Tracked camera" : "Targets and tracked camera");
   $("no-targets").hidden = store.targets.size + store.trackedCameras.size > 0;
-  $("no-targets").textContent = awaited(serving);
+  write($("no-targets"), awaited(serving));
   const hasPlaces = store.scene !== null && (store.scene.targets.length > 0 || store.scene.cameras.some((c) => c.model) || store.trackedCameras.size > 0);
   $("no-scene").hidden = hasPlaces || canvas.hidden;
   canvas.classList.toggle("bare", !hasPlaces); // hides an empty scene
-  $("no-scene").textContent = store.scene
+  write($("no-scene"), store.scene
     ? "The cameras' poses are unknown: they are drawn here after the calibration."
-    : "Cameras, volume and targets are drawn here once a service publishes them.";
-  $("no-cameras").textContent = serving ? "Pictures are awaited; they come while this page is looked at." : "No service sends pictures.";
+    : "Cameras, volume and targets are drawn here once a service publishes them.");
+  write($("no-cameras"), serving ? "Pictures are awaited; they come while this page is looked at." : "No service sends pictures.");
   updateCameras(serving);
   fitTargets();
   updateHealth(serving);
@@ -428,7 +430,7 @@ function awaited(serving: boolean): string {
   if (!store.connected) return "Positions continue when the bridge is back.";
   if (!serving || !status)
     return `No huetrackd was found on DDS domain ${pulse?.domain ?? 0}. Start says how to start one.`;
-  if (status.mode === "held") return "The replay is held. Go on, above, lets it run.";
+  if (status.mode === "held") return "The replay is paused. Go on, above, lets it run.";
   const there = status.cameras.filter((c) => c.health === "delivering").length;
   if (status.cameras.length && there < status.cameras.length)
     return `No position yet: ${there} of ${status.cameras.length} cameras deliver. Health says what the others lack.`;
@@ -473,7 +475,7 @@ function updateHealth(serving: boolean): void {
       item.querySelector(".name")!.textContent = camera.name;
       const chip = item.querySelector<HTMLElement>(".chip")!;
       chip.dataset.health = isHeld ? "held" : serving ? camera.health : "unknown";
-      chip.textContent = chip.dataset.health;
+      chip.textContent = isHeld ? "paused" : chip.dataset.health;
       item.querySelector("dl")!.append(
         ...[
           ["Frames a second", camera.rate_hz.toFixed(1), slow ? "warn" : ""],

@@ -46,7 +46,7 @@ const kinds: (Kind & { family?: string })[] = [
   { is: /the latency is not known yet/, level: "info", act: calibrate("wave") },
   { is: /colour has (moved|become)/, level: "warn", act: teach },
   { is: /overlapping colours/, level: "warn", act: adjust },
-  { is: /correct radius_m|show a radius of|agree on a radius/, level: "warn", act: adjust },
+  { is: /correct radius_m/, level: "warn", act: adjust },
   { is: /never moves|something else has its colour|more objects than|narrow the colour/, level: "info", act: adjust },
   { is: /repeated one picture|repeats its pictures|no frame/, level: "bad", act: health },
   { is: /calibrate (it |the lens |them )?again|was turned|sags|its zoom or focus|rig was found|rig looks like/, level: "warn", act: calibrate("board") },

@@ -3,6 +3,7 @@ import { likeBefore, lineColorOf, variable } from "./color";
 import { canSeek, recordedAt, seekTo } from "./playback";
 import { save } from "./save";
 import { historySeconds, indexAt, isServing, secondsOfSilence, store, tracks, type Rates, type Sample, type ViewSample } from "./store";
+import { label } from "./text";
 
 type Timed = { t: number };
 interface Series<S extends Timed = Timed> {
@@ -376,7 +377,7 @@ function drawStates(end: number): void {
   g.fillStyle = variable("--muted");
   timeAxis(g, w, h, from);
   if (cursor !== null) drawCursor(g, x(end - cursor), 0, h - 18);
-  states.setAttribute("aria-label", `States over time. Now: ${targets.map((t) => `${t.name} ${t.history.at(-1)?.state ?? "unknown"}`).join(", ") || "no target"}`);
+  label(states, `States over time. Now: ${targets.map((t) => `${t.name} ${t.history.at(-1)?.state ?? "unknown"}`).join(", ") || "no target"}`);
 }
 
 export function drawPlots(): void {
@@ -427,7 +428,7 @@ export function updatePlotTexts(): void {
       ...(isSilent && all.length ? [quiet > 2 ? `no samples for ${Math.floor(quiet)} s` : "no samples"] : []),
     );
     const texts = all.map((s) => `${s.name} ${valueOf(s)}`);
-    canvas.setAttribute("aria-label", `${plot.title} over the last ${span} seconds, ${cursor !== null ? `${cursor.toFixed(1)} s before the end` : "now"}: ${isSilent ? "no samples" : texts.join(", ") || "nothing"}`);
+    label(canvas, `${plot.title} over the last ${span} seconds, ${cursor !== null ? `${cursor.toFixed(1)} s before the end` : "now"}: ${isSilent ? "no samples" : texts.join(", ") || "nothing"}`);
   }
   // As high as a row of plots with these texts, unless the user has chosen a height.
   const row = `${Math.max(...drawn.slice(0, 4).map((d) => d.figure.offsetHeight))}px`;

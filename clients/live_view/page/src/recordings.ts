@@ -3,6 +3,7 @@ import { ask, askAloud, say } from "./control";
 import { enable } from "./hints";
 import { isOpen, onTool, refuse } from "./shell";
 import { isServing, serviceOf, store } from "./store";
+import { write } from "./text";
 
 const $ = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 
@@ -58,7 +59,7 @@ function updateButtons(): void {
   const isRecording = state?.state === "recording";
   const preRoll = Number(state?.pre_roll_s ?? 0);
   const isAlways = state?.always === "true";
-  $("record-save").textContent = preRoll ? `Save the last ${preRoll} s` : "Save the last seconds";
+  write($("record-save"), preRoll ? `Save the last ${preRoll} s` : "Save the last seconds");
   const noState = state === null ? "wait for the service" : isLive ? "" : "a replay is not recorded";
   $("record-start").hidden = isRecording;
   $("record-stop").hidden = !isRecording;

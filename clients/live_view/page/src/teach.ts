@@ -466,7 +466,7 @@ function whyNot(): string {
   const { scene } = store;
   if (!scene || !store.connected) return "No service is connected.";
   if (!scene.may_teach) return scene.why_not;
-  return scene.targets.length ? "" : "The configuration has no target to teach: add one under Targets.";
+  return scene.targets.length ? "" : "There is no target yet: add one under Targets.";
 }
 
 export function updateTeach(serving: boolean): void {
