@@ -327,7 +327,6 @@ export function updateCalibration(serving: boolean): void {
     state = null;
     why = "";
     asked = -Infinity;
-    say("");
   }
   const isLive = serving && store.status?.mode === "run";
   const period = isOpen("calibrate") || isBusy() ? askEvery * 0.9 : askRarely;
