@@ -1,12 +1,16 @@
 #include "calib/wave/similarity.h"
 
+#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <optional>
 
+#include "calib/model/median.h"
 #include "calib/solver/umeyama.h"
+#include "calib/wave/outline_cost.h"
 
 namespace huetrack::wave {
 
@@ -64,6 +68,53 @@ Similarity onto_rig(const calib::CameraRig& rig, const WaveState& state, bool wi
     }
   }
   return s;
+}
+
+Similarity onto_views(const calib::CameraRig& rig, const WaveState& state, const std::vector<BallObservation>& seen,
+                      double radius_m, Similarity start) {
+  std::vector<Vector3d> places;
+  for (const BallObservation& o : seen) places.push_back(state.path.at(state.exposed_s(rig, o.camera, o.t_s, o.px)));
+  const auto off = [&](std::size_t i, const Similarity& s) -> std::optional<Eigen::Vector2d> {
+    const calib::Camera& camera = rig.cameras[static_cast<std::size_t>(seen[i].camera)];
+    const auto px = outline_centre(camera.model, camera.cam_from_world * (s * places[i]), radius_m);
+    if (!px) return std::nullopt;
+    return Eigen::Vector2d(*px - seen[i].px);
+  };
+  const auto moved = [&](const Similarity& s, const Eigen::Matrix<double, 6, 1>& by) {
+    const Matrix3d turn = rotation_of(by.head<3>());
+    return Similarity{s.scale, turn * s.rotation, turn * s.translation + by.tail<3>()};
+  };
+  constexpr double least_px = 0.3;  // of a camera's rms: below, all cameras are right
+  constexpr double step = 1e-5;     // radians or metres, for derivatives
+  for (int round = 0; round < 30; ++round) {
+    std::vector<std::vector<double>> squares(rig.cameras.size());
+    for (std::size_t i = 0; i < seen.size(); ++i)
+      if (const auto r = off(i, start)) squares[static_cast<std::size_t>(seen[i].camera)].push_back(r->squaredNorm());
+    std::vector<double> weight;
+    for (auto& of_camera : squares) weight.push_back(1 / std::max(least_px, std::sqrt(calib::median(of_camera))));
+    Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
+    Eigen::Matrix<double, 6, 1> slope = Eigen::Matrix<double, 6, 1>::Zero();
+    for (std::size_t i = 0; i < seen.size(); ++i) {
+      const auto r = off(i, start);
+      Eigen::Matrix<double, 2, 6> by;
+      bool is_seen = r.has_value();
+      for (int k = 0; k < 6 && is_seen; ++k) {
+        const auto there = off(i, moved(start, step * Eigen::Matrix<double, 6, 1>::Unit(k)));
+        is_seen = there.has_value();
+        if (is_seen) by.col(k) = (*there - *r) / step;
+      }
+      if (!is_seen) continue;
+      const double w = weight[static_cast<std::size_t>(seen[i].camera)];
+      information += w * by.transpose() * by;
+      slope += w * by.transpose() * *r;
+    }
+    const Eigen::LDLT<Eigen::Matrix<double, 6, 6>> solver(information);
+    const Eigen::Matrix<double, 6, 1> change = -solver.solve(slope);
+    if (solver.info() != Eigen::Success || !change.allFinite()) return start;
+    start = moved(start, change);
+    if (change.norm() < 1e-9) break;
+  }
+  return start;
 }
 
 Similarity onto_points(const std::vector<Vector3d>& from, const std::vector<Vector3d>& to) {

@@ -23,6 +23,12 @@ struct Similarity {
 // the scale stays 1.
 Similarity onto_rig(const calib::CameraRig& rig, const WaveState& state, bool with_scale);
 
+// Refines a rigid alignment: the ball, on the solution's path, lies where the cameras of `rig` saw it. So positions in
+// a rig that was right stay what they were, also where light from one side turns the new cameras. Robust: a camera that
+// was moved, and sees it elsewhere, hardly counts.
+Similarity onto_views(const calib::CameraRig& rig, const WaveState& state, const std::vector<BallObservation>& seen,
+                      double radius_m, Similarity start);
+
 // Rigid alignment of points, least squares (Umeyama 1991). >= 3 points, not collinear.
 Similarity onto_points(const std::vector<Eigen::Vector3d>& from, const std::vector<Eigen::Vector3d>& to);
 

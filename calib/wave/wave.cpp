@@ -332,7 +332,9 @@ void set_world(WaveResult& result, WaveSolution& wave, const calib::CameraRig& r
   if (options.marks.size() >= 3) {
     result.marks_error_m = move_onto_marks(state, options.marks);
   } else if (options.has_poses) {
-    onto_rig(rig, state, false).apply(state);
+    const Similarity by_poses = onto_rig(rig, state, false);
+    (result.rejected_rig_poses ? by_poses : onto_views(rig, state, wave.observations(), options.radius_m, by_poses))
+        .apply(state);
   } else {
     // Origin at the first camera, z up in its image.
     Similarity move;
