@@ -11,8 +11,8 @@ namespace {
 
 struct CombTuning {
   std::int64_t one_in = 4;  // pictures that are compared with the one before: evidence comes within seconds
-  // While nothing moves: twice as many each time, up to a second's. Compared pictures are decoded whole.
-  std::int64_t most_in = 32;
+  // While nothing moves: twice as many each time, up to those of two seconds. Compared pictures are decoded whole.
+  std::int64_t most_in = 64;
   int moving = 20;  // levels, from one picture to the next: four times the noise of a webcam
   // Pixels. In noise the ratio of so many scatters by 0.05: a film is never taken for combs.
   std::int64_t enough = 400;

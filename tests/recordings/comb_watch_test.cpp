@@ -112,7 +112,7 @@ TEST(CombWatch, LooksSeldomWhileNothingMoves) {
     watch.see(still);
     kept += still.owner.use_count() > before ? 1 : 0;
   }
-  EXPECT_LE(kept, 640 / 32 + 4);
+  EXPECT_LE(kept, 640 / 64 + 5);
   bool is_named = false;
   for (int k = 0; k < 120; ++k) {
     watch.see(picture({.rows = Rows::top_first}, k % 8, random));
