@@ -1,6 +1,7 @@
 // The order of numbered files. Pure functions but for the folder that is read; thread-safe.
 #pragma once
 
+#include <cstddef>
 #include <filesystem>
 #include <string>
 #include <string_view>
@@ -19,8 +20,13 @@ bool numbers_ascend(std::string_view a, std::string_view b);
 // throws ConfigError: it may be either
 void sort_by_numbers(std::vector<std::filesystem::path>& files);
 
-// False: most names differ in letters, and no number at a place that all have tells them apart, as in UUIDs and hashes.
+// False: most names differ in letters, and no number at a place that all have tells them apart, as in UUIDs and hashes;
+// or the one number that varies is as irregular as random ones are.
 bool hold_an_order(const std::vector<std::filesystem::path>& files);
+
+// Orders that names of one kind may have, too, where several of their numbers vary: another one of these leads
+// (frame_0_1.png). files: as sort_by_numbers() orders them. Each one as indices of files; empty: there is no other.
+std::vector<std::vector<std::size_t>> other_orders(const std::vector<std::filesystem::path>& files);
 
 // The last number in each name, as it is read there; empty: a name has none. throws as sort_by_numbers()
 std::vector<double> last_numbers(const std::vector<std::filesystem::path>& files);

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <bit>
 #include <deque>
 #include <filesystem>
 #include <map>
@@ -27,6 +28,19 @@ namespace fs = std::filesystem;
 
 constexpr std::size_t largest_image = 256U << 20;  // capacity: bytes of an image file
 
+// Of samples of 16 bits the 8 upper ones that are used: cameras of 12 bits leave the upper four empty, which would be
+// black.
+cv::Mat with_8_bits(const cv::Mat& grey) {
+  if (grey.depth() != CV_16U) return grey;
+  double largest = 0;
+  cv::minMaxLoc(grey, nullptr, &largest);
+  constexpr int upper_bits = 8;
+  const int used = std::max(upper_bits, static_cast<int>(std::bit_width(static_cast<unsigned>(largest))));
+  cv::Mat result;
+  grey.convertTo(result, CV_8U, 1. / (1 << (used - upper_bits)), -0.5);
+  return result;
+}
+
 // As players show it: turned by a JPEG's own tag (is_turned, then true). throws files::ConfigError with the file's
 // name, which OpenCV's messages lack.
 cv::Mat read_grey(const fs::path& file, bool& is_turned) {
@@ -44,8 +58,11 @@ cv::Mat read_grey(const fs::path& file, bool& is_turned) {
   cv::Mat grey;
   try {
     const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8U, const_cast<char*>(bytes.data()));
-    if (!bytes.empty())
-      grey = cv::imdecode(encoded, cv::IMREAD_GRAYSCALE | (is_jpeg ? 0 : cv::IMREAD_IGNORE_ORIENTATION));
+    if (!bytes.empty()) {
+      const int how = cv::IMREAD_GRAYSCALE | (is_jpeg ? 0 : cv::IMREAD_IGNORE_ORIENTATION);
+      grey = with_8_bits(cv::imdecode(encoded, how | cv::IMREAD_ANYDEPTH));
+      if (grey.depth() != CV_8U) grey = cv::imdecode(encoded, how);
+    }
   } catch (const cv::Exception& error) {  // more pixels than OpenCV takes, for example
     throw files::ConfigError(file, 0,
                              "is not an image that can be read (OpenCV: " + files::printable(error.err, 200) + ")");

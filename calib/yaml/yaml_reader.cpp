@@ -346,6 +346,16 @@ struct YamlReader::Node {
     throw ConfigError(entry.file, entry.line, child(entry.key) + index + " " + message);
   }
 
+  // {fps: 29,97} has the keys fps and 97.
+  [[noreturn]] void fail_at_decimal_comma(const Entry& digits) const {
+    const Entry* before = &digits == entries.data() ? nullptr : &digits - 1;
+    if (before != nullptr && before->line == digits.line && is_plain(before->value) &&
+        parse_integer(before->value.Scalar()))
+      fail(*before, fmt::format("is {0},{1}, with a decimal comma: write {0}.{1}", before->value.Scalar(),
+                                files::printable(digits.key)));
+    fail(digits, "is not a known key: decimals have a point, not a comma: 0." + files::printable(digits.key));
+  }
+
   // Reports an element of a list at its own line; a list may span lines. Null has no position.
   [[noreturn]] void fail(const Entry& entry, const YAML::Node& element, const std::string& index,
                          const std::string& message) const {
@@ -607,8 +617,7 @@ std::vector<std::string> YamlReader::keys() const {
 void YamlReader::finish(std::span<const KeyPath> elsewhere) const {
   for (const auto& entry : node_->entries) {
     if (node_->requested_keys.contains(entry.key)) continue;
-    if (is_decimal_comma(entry.key))
-      node_->fail(entry, "is not a known key: decimals have a point, not a comma: 0." + printable(entry.key));
+    if (is_decimal_comma(entry.key)) node_->fail_at_decimal_comma(entry);
     if (const auto near = files::nearest_words(entry.key, node_->requested); !near.empty())
       node_->fail(entry, "is not a known key (did you mean " + one_of(near) + "?)");
     if (const auto near = of_other_places(entry.key, elsewhere); !near.empty())

@@ -153,6 +153,7 @@ BagPictures::BagPictures(const RecordedCamera& camera, std::vector<std::string>&
       warnings_(warnings),
       keeps_encoded_(keeps_encoded),
       messages_(camera.frames, camera.topic) {
+  decoder_.depth().state(camera.bits);
   measure_period();
 }
 

@@ -31,6 +31,7 @@ class BagPictures final : public PictureStream {
   std::optional<Shown> next() override;
   std::int64_t position() const override { return index_; }
   bool is_turned() const override { return decoder_.turns(); }
+  std::optional<int> unexplained_largest() const override { return decoder_.depth().unexplained_largest(); }
   std::optional<std::int64_t> frame_count() const override { return messages_.messages(); }
   capture::Duration frame_period() const override { return period_; }  // the median of the first; 0: unknown
 

@@ -1,38 +1,27 @@
 #include "recordings/comb_watch.h"
 
+#include <algorithm>
 #include <cstdlib>
 #include <utility>
+
+#include "recordings/brightness.h"
 
 namespace huetrack::recordings {
 namespace {
 
 struct CombTuning {
   std::int64_t one_in = 4;  // pictures that are compared with the one before: evidence comes within seconds
-  int moving = 20;          // levels, from one picture to the next: four times the noise of a webcam
+  // While nothing moves: twice as many each time, up to those of two seconds. Compared pictures are decoded whole.
+  std::int64_t most_in = 64;
+  int moving = 20;  // levels, from one picture to the next: four times the noise of a webcam
   // Pixels. In noise the ratio of so many scatters by 0.05: a film is never taken for combs.
   std::int64_t enough = 400;
   double combed = 1.2;           // ratio(): between noise (1) and the weakest combs of ours (1.27)
+  double whole = 0.7;            // ratio(): between all films of ours (0.55) and noise
+  double ordered = 1.2;          // order_ratio(): a field is wrong only beyond the scatter of so many pixels
   std::int64_t settled = 4'000;  // pixels, after which a film is progressive: ten times the least evidence
 };
 constexpr CombTuning tuning{};
-
-// Brightness, or what is nearest to it.
-struct Brightness {
-  const std::uint8_t* data;
-  std::ptrdiff_t stride;
-  int step;
-};
-Brightness brightness_of(const capture::Image& image) {
-  const capture::Plane& plane = image.planes[0];
-  switch (image.format) {
-    case capture::PixelFormat::bgr:
-      return {plane.data + 1, plane.stride, 3};
-    case capture::PixelFormat::yuyv:
-      return {plane.data, plane.stride, 2};
-    default:
-      return {plane.data, plane.stride, 1};
-  }
-}
 
 void add(const capture::Image& before, const capture::Image& image, CombEvidence& evidence) {
   capture::require_all(before);
@@ -56,27 +45,48 @@ void add(const capture::Image& before, const capture::Image& image, CombEvidence
 
 }  // namespace
 
-void CombWatch::see(const capture::Image& picture) {
+void CombWatch::see(const capture::Image& picture, std::optional<StatedFields> stated) {
   if (is_known_ || !capture::has_pixels(picture)) return;
+  stated_ = stated;
   const capture::Image before = std::exchange(before_, {});
   const bool is_alike =
       before.width == picture.width && before.height == picture.height && before.format == picture.format;
-  if (capture::has_pixels(before) && is_alike) add(before, picture, evidence_);
-  if (++pictures_ % tuning.one_in == 0) before_ = picture;
+  if (capture::has_pixels(before) && is_alike) {
+    const std::int64_t moving = evidence_.moving;
+    add(before, picture, evidence_);
+    const bool is_still = 10 * (evidence_.moving - moving) < tuning.enough;
+    wait_ = is_still ? std::clamp(2 * wait_, tuning.one_in, tuning.most_in) : tuning.one_in;
+  }
+  if (++pictures_ >= std::max(wait_, tuning.one_in)) before_ = picture, pictures_ = 0;
   if (evidence_.moving < tuning.enough) return;
-  has_problem_ = evidence_.ratio() > tuning.combed;
+  has_problem_ = is_contradicted();
   is_known_ = has_problem_ || evidence_.moving >= tuning.settled;
+}
+
+bool CombWatch::is_contradicted() const {
+  const bool is_combed = evidence_.ratio() > tuning.combed;
+  if (!stated_) return is_combed;
+  // Films of one moment are often tagged as interlaced; half of their rows are enough.
+  const bool is_whole = evidence_.moving >= tuning.settled && evidence_.ratio() < tuning.whole;
+  if (is_whole && !stated_->is_tagged) return true;
+  return is_combed && evidence_.is_top_first() != (stated_->first == capture::FirstField::top) &&
+         evidence_.order_ratio() > tuning.ordered;
 }
 
 std::optional<std::string> CombWatch::take_problem() {
   if (!std::exchange(has_problem_, false)) return std::nullopt;
-  // The field that was taken first follows the other one of the picture before.
-  const bool is_top_first = evidence_.top_after_bottom < evidence_.bottom_after_top;
-  return std::string(
-             "is interlaced, but does not say so: every picture holds two moments, and positions are wrong where "
-             "the target moves: use a progressive mode of the camera, or add fields: ") +
-         (is_top_first ? "top (or bottom, if that field was" : "bottom (or top, if that field was") +
-         " taken first) to play the first field of every picture";
+  const std::string first = evidence_.is_top_first() ? "top" : "bottom", second = first == "top" ? "bottom" : "top";
+  if (!stated_)
+    return "is interlaced, but does not say so: every picture holds two moments, and positions are wrong where "
+           "the target moves: use a progressive mode of the camera, or add fields: " +
+           first + " (or " + second + ", if that field was taken first) to play the first field of every picture";
+  if (evidence_.ratio() < tuning.whole)
+    return "is not interlaced: all rows of a picture are of one moment, so fields: loses half of them: leave fields "
+           "out";
+  return (stated_->is_tagged ? "is tagged as if the " + second + " field was taken first" : "says fields: " + second) +
+         ", but where something moves the pictures say that the " + first +
+         " field was: the times are wrong by half a period: " + (stated_->is_tagged ? "add" : "write") +
+         " fields: " + first;
 }
 
 }  // namespace huetrack::recordings

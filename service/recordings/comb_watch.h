@@ -1,14 +1,16 @@
-// Detects interlaced pictures whose file does not say so, by their pixels: where the picture moves, rows of one field
-// lie beside rows of another moment, so that neighbouring rows differ more than the next but one. (Stripes of single
-// rows in the room would look alike.) Private to this
-// module.
+// Detects interlaced pictures whose file does not say so, and fields that are stated in the wrong order, by their
+// pixels: where the picture moves, rows of one field lie beside rows of another moment, so that neighbouring rows
+// differ more than the next but one. (Stripes of single rows in the room would look alike.) The field that was taken
+// first differs less from the other one of the picture before. Private to this module.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <optional>
 #include <string>
 
 #include "capture/frames/frame.h"
+#include "capture/frames/picture_layout.h"
 
 namespace huetrack::recordings {
 
@@ -21,21 +23,36 @@ struct CombEvidence {
   // Curvature falls with the distance in films (0.34 to 0.55 in all of ours), is equal in noise (1), and rises with
   // fields (1.27 to 2.7).
   double ratio() const { return field_curvature > 0 ? row_curvature / field_curvature : 0; }
+  bool is_top_first() const { return top_after_bottom < bottom_after_top; }
+  // > 1: the difference of the second field from the picture before, beside that of the first one.
+  double order_ratio() const {
+    const auto [less, more] = std::minmax(top_after_bottom, bottom_after_top);
+    return less > 0 ? more / less : 0;
+  }
+};
+
+// What a recording or a file states of fields.
+struct StatedFields {
+  capture::FirstField first = capture::FirstField::top;
+  bool is_tagged = false;  // by the file; false: by `fields` of the recording
 };
 
 // thread-compatible.
 class CombWatch {
  public:
-  // The next picture of a camera, upright.
-  void see(const capture::Image& picture);
-  // Once, when the pictures are combs: what is wrong and what to do, as "is interlaced, but ...".
+  // The next picture of a camera, whole and as stored. stated: its first field is played. nullopt: the picture is.
+  void see(const capture::Image& picture, std::optional<StatedFields> stated = {});
+  // Once, when the pictures contradict what is stated: what is wrong and what to do, as "is interlaced, but ...".
   std::optional<std::string> take_problem();
   const CombEvidence& evidence() const { return evidence_; }
 
  private:
-  capture::Image before_;  // no planes: the next picture is not compared
-  std::int64_t pictures_ = 0;
+  bool is_contradicted() const;
+
+  capture::Image before_;                 // no planes: the next picture is not compared
+  std::int64_t pictures_ = 0, wait_ = 0;  // since the last one that was kept, and up to the next one
   CombEvidence evidence_;
+  std::optional<StatedFields> stated_;
   bool has_problem_ = false, is_known_ = false;
 };
 

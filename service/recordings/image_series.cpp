@@ -50,7 +50,7 @@ std::vector<ImageFile> files_of_pattern(const fs::path& pattern) {
     if (file.size() <= prefix.size() + suffix.size() || !file.starts_with(prefix) || !file.ends_with(suffix)) continue;
     const auto number = printed_number(
         std::string_view(file).substr(prefix.size(), file.size() - prefix.size() - suffix.size()), width);
-    if (number) files.push_back({*number, entry.path()});
+    if (number) files.push_back({*number, *number, entry.path()});
   }
   std::ranges::sort(files, {}, &ImageFile::number);
   if (!files.empty() && files.back().number < 0)
@@ -89,7 +89,7 @@ bool is_counter_begun_again(const std::vector<fs::path>& files) {
          files::number_of<std::int64_t>(first).value_or(2) <= 1;
 }
 
-std::vector<ImageFile> files_of_glob(const RecordedCamera& camera, std::vector<std::string>& warnings) {
+std::vector<ImageFile> files_of_glob(const RecordedCamera& camera) {
   const auto paths = files::files_of_glob(camera.frames.string());
   if (is_counter_begun_again(paths))
     throw files::ConfigError(camera.frames, 0,
@@ -104,22 +104,24 @@ std::vector<ImageFile> files_of_glob(const RecordedCamera& camera, std::vector<s
                                  " and " + paths.back().filename().string() +
                                  ": number them in the order in which they were taken (frames of camera " +
                                  camera.name + ")");
-  if (const auto after = after_a_gap(paths))
-    warnings.push_back(camera.frames.string() + ": numbers are missing before " + paths[*after].filename().string() +
-                       ": a glob counts files; if pictures are missing there, give a pattern, like img%d.jpg");
   std::vector<ImageFile> files;
-  for (const fs::path& path : paths) files.push_back({static_cast<std::int64_t>(files.size()), path});
+  for (const fs::path& path : paths) {
+    const auto number = static_cast<std::int64_t>(files.size());
+    files.push_back({number, number, path});
+  }
+  if (const auto named = files::last_numbers(paths); after_a_gap(paths))
+    for (std::size_t k = 0; k < files.size(); ++k) files[k].named = static_cast<std::int64_t>(named[k]);
   return files;
 }
 
 }  // namespace
 
-std::vector<ImageFile> image_files_of(const RecordedCamera& camera, std::vector<std::string>& warnings) {
+std::vector<ImageFile> image_files_of(const RecordedCamera& camera) {
   const bool is_pattern = camera.frames.filename().string().find('%') != std::string::npos;
   const bool is_glob = camera.frames.string().find_first_of("*?[") != std::string::npos;
   std::error_code error;
   if ((!is_pattern && !is_glob) || fs::exists(camera.frames, error)) return {};
-  auto files = is_pattern ? files_of_pattern(camera.frames) : files_of_glob(camera, warnings);
+  auto files = is_pattern ? files_of_pattern(camera.frames) : files_of_glob(camera);
   if (files.empty())
     throw files::ConfigError(camera.frames, 0, "no file matches this pattern (frames of camera " + camera.name + ")");
   return files;

@@ -6,10 +6,12 @@
 #include <string_view>
 #include <utility>
 
+#include "capture/ffmpeg/ffmpeg_objects.h"
+
 namespace huetrack::recordings {
 namespace {
 
-constexpr std::size_t longest_headers = 4096;          // capacity: bytes before the first picture
+constexpr std::size_t longest_headers = 1U << 16;      // capacity: bytes before the first picture
 constexpr std::size_t largest_jpeg = 64U << 20;        // capacity: bytes
 constexpr std::size_t largest_cut_picture = 4U << 20;  // capacity: bytes
 constexpr std::size_t read_bytes = 1U << 16;
@@ -44,6 +46,33 @@ bool begins_inside_a_picture(std::ifstream& in) {
   return end >= 2 && begin.compare(end - 2, 2, "\xff\xd9") == 0;
 }
 
+// Bytes of no kind before the first picture, as a cut dump of a network has them: by the pictures' own structure, and
+// since it is no container that FFmpeg knows.
+bool is_taken_for_jpegs(std::string head, const std::filesystem::path& file) {
+  if (head.find("\xff\xd8\xff") == std::string::npos) return false;
+  const auto size = static_cast<int>(head.size());
+  head.resize(head.size() + AVPROBE_PADDING_SIZE);  // zeros, as FFmpeg wants them
+  const AVProbeData probe{.filename = file.c_str(),
+                          .buf = reinterpret_cast<unsigned char*>(head.data()),
+                          .buf_size = size,
+                          .mime_type = nullptr};
+  const AVInputFormat* format = av_probe_input_format(&probe, 1);
+  return format != nullptr && std::string_view(format->name) == "mjpeg";
+}
+
+// The bytes before the first picture are no text: how many.
+std::size_t bytes_before_first(std::ifstream& in) {
+  std::string begin(largest_cut_picture, '\0');
+  in.read(begin.data(), static_cast<std::streamsize>(begin.size()));
+  begin.resize(static_cast<std::size_t>(in.gcount()));
+  in.clear();
+  in.seekg(0);
+  const auto first = begin.find("\xff\xd8\xff");
+  if (first == std::string::npos) return 0;
+  const auto end = begin.begin() + static_cast<std::ptrdiff_t>(first);
+  return std::all_of(begin.begin(), end, is_text) ? 0 : first;
+}
+
 }  // namespace
 
 bool is_jpeg_stream(const std::filesystem::path& file) {
@@ -58,7 +87,7 @@ bool is_jpeg_stream(const std::filesystem::path& file) {
                                 std::all_of(head.begin(), head.begin() + static_cast<std::ptrdiff_t>(begin), is_text);
   in.clear();
   in.seekg(0);
-  if (!begins_with_text && !begins_inside_a_picture(in)) return false;
+  if (!begins_with_text && !begins_inside_a_picture(in) && !is_taken_for_jpegs(std::move(head), file)) return false;
   capture::JpegSplitter splitter;
   const auto first = next_jpeg(in, splitter);
   if (!first) return false;
@@ -73,7 +102,11 @@ JpegStream::JpegStream(const RecordedCamera& camera, std::vector<std::string>& w
       warnings_(warnings),
       keeps_encoded_(keeps_encoded),
       in_(camera.frames, std::ios::binary),
-      begins_inside_(begins_inside_a_picture(in_)) {}
+      begins_inside_(begins_inside_a_picture(in_)) {
+  if (const std::size_t bytes = begins_inside_ ? 0 : bytes_before_first(in_); bytes > 0)
+    warnings_.push_back(camera_.frames.string() + ": the " + std::to_string(bytes) +
+                        " bytes before its first picture are left out");
+}
 
 std::optional<Shown> JpegStream::next() {
   const auto last = selection_.last();

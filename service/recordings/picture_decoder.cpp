@@ -24,11 +24,22 @@ bool is_jpeg(std::span<const std::uint8_t> bytes) {
   return codec_of(bytes) == AV_CODEC_ID_MJPEG;
 }
 
-std::optional<capture::Image> tiff_of(std::span<const std::uint8_t> bytes) {
+std::optional<capture::Image> tiff_of(std::span<const std::uint8_t> bytes, capture::SampleDepth& depth) {
   const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8UC1, const_cast<std::uint8_t*>(bytes.data()));
   auto decoded = std::make_shared<cv::Mat>();
   try {
-    *decoded = cv::imdecode(encoded, cv::IMREAD_ANYCOLOR | cv::IMREAD_IGNORE_ORIENTATION);
+    *decoded = cv::imdecode(encoded, cv::IMREAD_ANYCOLOR | cv::IMREAD_ANYDEPTH | cv::IMREAD_IGNORE_ORIENTATION);
+    if (decoded->depth() == CV_16U) {
+      depth.fit({{{.data = decoded->data,
+                   .stride = static_cast<std::ptrdiff_t>(decoded->step[0]),
+                   .samples = decoded->total() * static_cast<std::size_t>(decoded->channels()) /
+                              static_cast<std::size_t>(std::max(1, decoded->rows)),
+                   .rows = decoded->rows}}});
+      constexpr double upper_bits = 1. / 256;
+      decoded->convertTo(*decoded, CV_8U, upper_bits, -0.5);  // the upper byte, as OpenCV takes it
+    } else if (decoded->depth() != CV_8U) {
+      *decoded = cv::imdecode(encoded, cv::IMREAD_ANYCOLOR | cv::IMREAD_IGNORE_ORIENTATION);
+    }
   } catch (const cv::Exception&) {  // a damaged header
     return std::nullopt;
   }
@@ -67,8 +78,9 @@ std::optional<capture::Image> PictureDecoder::decode(std::shared_ptr<const std::
   }
   if (id == AV_CODEC_ID_TIFF) {
     problem_ = "it is no TIFF that OpenCV can decode";
-    return tiff_of(*bytes);
+    return tiff_of(*bytes, pictures_.depth());
   }
+  if (id == AV_CODEC_ID_PNG) pictures_.depth().tag(capture::png_significant_bits(*bytes));
   return decode_by_ffmpeg(*bytes, id);
 }
 

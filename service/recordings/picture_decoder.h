@@ -22,7 +22,7 @@ bool is_jpeg(std::span<const std::uint8_t> bytes);
 
 // By OpenCV, as calibrations read it: FFmpeg's decoder shows JPEG in TIFF as black. nullopt: damaged, or of no kind
 // that it knows
-std::optional<capture::Image> tiff_of(std::span<const std::uint8_t> bytes);
+std::optional<capture::Image> tiff_of(std::span<const std::uint8_t> bytes, capture::SampleDepth& depth);
 
 // thread-compatible.
 class PictureDecoder {
@@ -37,7 +37,9 @@ class PictureDecoder {
   }
   bool turns() const { return pictures_.turns(); }                          // as the tags so far say
   std::vector<std::string> take_notes() { return pictures_.take_notes(); }  // what a user must know of the pictures
-  std::string take_problem();                                               // why the last picture has no image
+  capture::SampleDepth& depth() { return pictures_.depth(); }
+  const capture::SampleDepth& depth() const { return pictures_.depth(); }
+  std::string take_problem();  // why the last picture has no image
 
  private:
   std::optional<capture::Image> decode_by_ffmpeg(std::span<const std::uint8_t> bytes, AVCodecID id);

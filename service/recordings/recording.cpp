@@ -227,6 +227,7 @@ Recording read_recording(const std::filesystem::path& path) {
       const bool is_top = entry.choice("fields", fields) == fields[0];
       camera.first_field = is_top ? capture::FirstField::top : capture::FirstField::bottom;
     }
+    camera.bits = static_cast<int>(entry.integer("bits", {.min = 1, .max = 16}, 0));
     if (entry.has("fps")) camera.fps = entry.number("fps", {.min = 1e-3, .max = 1e6});
     camera.offset = exact_duration_of(entry.number("offset_s", {.min = -longest_s, .max = longest_s}, 0));
     camera.first_frame = entry.integer("first_frame", {.min = 0, .max = 1e12}, 0);

@@ -11,6 +11,7 @@
 //     slow:  {frames: slow.mp4, fps: 240, trust_times: true}        # though the file says 30
 //     half:  {frames: stereo.mkv, crop: [640, 0, 640, 480]}         # u, v, width, height
 //     tv:    {frames: tape.avi, fields: top}                        # interlaced; which field was taken first
+//     deep:  {frames: deep/%d.png, fps: 30, bits: 12}               # 0 to 4095 in samples of 16 bits
 // frames: anything that FFmpeg reads, a printf pattern or glob of images, or a bag. Relative paths start at the yaml
 // file.
 #pragma once
@@ -36,6 +37,7 @@ struct RecordedCamera {
   std::string topic = {};                  // of a bag; never empty then
   std::optional<capture::Crop> crop = {};  // the camera's image is this part of every picture
   std::optional<capture::FirstField> first_field = {};  // its pictures are interlaced, whatever the file says
+  int bits = 0;                 // that a camera fills of samples of 16, the lower ones; 0: as the file says
   bool trusts_times = false;    // fps or timestamps are right, even if the file contradicts them
   double fps = 0;               // > 0: regular times, frame k was captured at k / fps + offset
   capture::Duration offset{0};  // added to every capture time

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <bit>
 #include <cassert>
 #include <cmath>
 #include <deque>
@@ -19,6 +20,7 @@
 #include "recordings/comb_watch.h"
 #include "recordings/jpeg_stream.h"
 #include "recordings/matches_reader.h"
+#include "recordings/order_watch.h"
 #include "recordings/picture_stream.h"
 #include "recordings/stated_times.h"
 #include "recordings/video_reader.h"
@@ -94,23 +96,16 @@ class Stream {
       forget();
       return;
     }
-    if (has_matches && !options.takes_matches)
-      throw files::ConfigError(camera_.frames, 0,
-                               "has only which pixels match some colours, but this needs pictures: "
-                               "record with send: frames (frames of camera " +
-                                   camera_.name + ")");
-    if (has_matches && camera_.crop)
-      throw files::ConfigError(camera_.frames, 0,
-                               "has matches, of which no part can be cropped (camera " + camera_.name + ")");
+    if (has_matches) refuse_matches(options);
     info_.frame_period = !camera_.timestamps.empty() ? usual_period(camera_, selection_)
                          : camera_.fps > 0 ? capture::duration_of(static_cast<double>(camera_.every) / camera_.fps)
                                            : camera_.every * reader_->frame_period();
-    if (is_listed_by_others()) {
-      count_frames_from_0(options);
-      judge_listed_times();
-    }
+    if (is_listed_by_others()) count_frames_from_0(options);
+    judge_numbers();
+    if (is_listed_by_others()) judge_listed_times();
     if ((camera_.fps > 0 || is_listed_by_others()) && !camera_.trusts_times && mistakes_.empty())
       stated_times_.emplace(camera_, reader_->frame_period());
+    begin_to_watch_order();
     if (!camera_.timestamps.empty())
       info_.expected_frames = selection_.count_below(camera_.timestamps.back().first + 1);
     else if (const auto count = reader_->frame_count())
@@ -135,8 +130,33 @@ class Stream {
                                "no frame of it can be played (frames of camera " + camera_.name + ")");
     }
     info_.first_at = waiting_.front().captured_at;
+    judge_depth();
     if (stated_times_ && !is_stamped_) stated_times_->see_header(reader_->frame_period());
     report_contradictions();
+  }
+
+  // throws ConfigError: this camera's matches cannot be played so
+  void refuse_matches(const ReplayOptions& options) const {
+    if (!options.takes_matches)
+      throw files::ConfigError(camera_.frames, 0,
+                               "has only which pixels match some colours, but this needs pictures: "
+                               "record with send: frames (frames of camera " +
+                                   camera_.name + ")");
+    if (camera_.crop)
+      throw files::ConfigError(camera_.frames, 0,
+                               "has matches, of which no part can be cropped (camera " + camera_.name + ")");
+  }
+
+  // Of the first picture, whose samples have 16 bits.
+  void judge_depth() {
+    const auto largest = reader_->unexplained_largest();
+    if (!largest) return;
+    const int used = std::bit_width(static_cast<unsigned>(*largest));
+    const int usual = std::max(10, used + used % 2);  // of cameras: 10, 12, 14
+    contradict(
+        fmt::format("the largest value of its first picture is {} of 65535, so it is played {}: if the camera "
+                    "has {} bits, add bits: {} to scale the pictures; if it is really so dark, add bits: 16",
+                    *largest, used <= 12 ? "nearly black" : "dark", usual, usual));
   }
 
   std::string header_rate() const {
@@ -265,6 +285,7 @@ class Stream {
         frame.stream_index = picture->index;
       }
       if (picture->image.width > 0 && has_the_size(*picture) && crop(*picture)) {
+        watch_order(*picture);
         frame.status = capture::FrameStatus::ok;
         has_color_ = has_color_ || picture->matches || !is_grey(picture->image);
         info_.is_grey = !has_color_;
@@ -276,11 +297,25 @@ class Stream {
     }
     if (!std::exchange(ended_, true)) {
       if (stated_times_) stated_times_->end();
+      if (auto problem = order_ ? order_->problem() : std::nullopt) contradict(std::move(*problem));
       report_contradictions();
       note_listed_frames_that_never_came();
       note_left_out();
     }
     return std::nullopt;
+  }
+
+  void begin_to_watch_order() {
+    if (reader_->series().empty() || camera_.trusts_times) return;
+    std::vector<std::filesystem::path> files;
+    for (const ImageFile& file : reader_->series()) files.push_back(file.path);
+    order_.emplace(std::move(files));
+  }
+
+  void watch_order(const Shown& picture) {
+    if (!order_) return;
+    const auto file = std::ranges::lower_bound(reader_->series(), picture.index, {}, &ImageFile::number);
+    order_->see(static_cast<std::size_t>(file - reader_->series().begin()), picture.image);
   }
 
   // Its times have no jitter: they follow from the rate, or were smoothed when recorded.
@@ -341,6 +376,19 @@ class Stream {
     }
   }
 
+  // In the names of a series of files.
+  void judge_numbers() {
+    const auto problem = camera_.trusts_times ? std::nullopt : problem_of_numbers(camera_, reader_->series());
+    if (!problem) return;
+    if (!problem->counts_files) {
+      contradict(problem->text);
+      return;
+    }
+    for (std::size_t k = 0; k < camera_.timestamps.size(); ++k)
+      camera_.timestamps[k].first = reader_->series()[k].number;
+    warn(problem->text);
+  }
+
   // Of the whole stream. The header of some containers has only a length: the pictures are counted where that is close
   // to the rows.
   std::optional<std::int64_t> frame_count(const ReplayOptions& options) const {
@@ -378,21 +426,26 @@ class Stream {
     return false;
   }
 
-  // Of pictures that hold two moments, as the recording says; what the pixels say is compared. throws ConfigError: the
-  // first picture is turned
+  // Of pictures that hold two moments, as the recording or a tag says; what the pixels say is compared. throws
+  // ConfigError: the first picture is turned
   void take_first_field(Shown& picture) {
     if (!has_pixels(picture.image)) return;  // matches
-    if (camera_.first_field) {
-      if (reader_->is_turned() && info_.width == 0)
-        throw files::ConfigError(
-            camera_.frames, 0,
-            "is turned by a tag, so fields: cannot be applied to its rows (frames of camera " + camera_.name + ")");
-      picture.image = capture::first_field(picture.image, *camera_.first_field);
-      picture.jpeg = nullptr;  // of both fields
-    } else if (!reader_->is_turned()) {
-      combs_.see(picture.image);
+    if (camera_.first_field && reader_->is_turned() && info_.width == 0)
+      throw files::ConfigError(
+          camera_.frames, 0,
+          "is turned by a tag, so fields: cannot be applied to its rows (frames of camera " + camera_.name + ")");
+    std::optional<StatedFields> stated;
+    if (camera_.first_field)
+      stated = {.first = *camera_.first_field};
+    else if (picture.tagged_field)
+      stated = {.first = *picture.tagged_field, .is_tagged = true};
+    if (!reader_->is_turned()) {
+      combs_.see(picture.image, stated);
       if (auto problem = combs_.take_problem()) contradict(std::move(*problem));
     }
+    if (!stated) return;
+    picture.image = capture::first_field(picture.image, stated->first);
+    picture.jpeg = nullptr;  // of both fields
   }
 
   // The camera's own part of the picture. False: a later picture's format has no such part. throws ConfigError: the
@@ -465,6 +518,7 @@ class Stream {
   std::optional<std::int64_t> first_index_, last_index_;  // in the stream, of the played pictures
   std::optional<std::uint32_t> last_number_;              // Frame::sequence
   std::optional<TimesBesideFilm> stated_times_;
+  std::optional<OrderWatch> order_;  // of a series of files
   CombWatch combs_;
   std::vector<std::string> mistakes_;
   std::int64_t unstamped_ = 0, back_count_ = 0;             // left out

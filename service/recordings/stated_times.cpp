@@ -133,6 +133,54 @@ std::optional<TimesProblem> problem_of_listed_times(const RecordedCamera& camera
   return problem;
 }
 
+namespace {
+
+// Whether the times of two rows, k-1 and k, are further apart than usual.
+bool is_gap(const RecordedCamera& camera, std::size_t row, double usual_s) {
+  constexpr double between_one_and_two = 1.5;  // steps
+  const auto& rows = camera.timestamps;
+  return capture::seconds(rows[row].second - rows[row - 1].second) > between_one_and_two * usual_s;
+}
+
+}  // namespace
+
+std::optional<NumbersProblem> problem_of_numbers(const RecordedCamera& camera, std::span<const ImageFile> files) {
+  std::vector<std::size_t> gaps;  // files after one
+  for (std::size_t k = 1; k < files.size(); ++k)
+    if (files[k].named > files[k - 1].named + 1) gaps.push_back(k);
+  const bool are_counted = !files.empty() && files.back().number == static_cast<std::int64_t>(files.size()) - 1;
+  if (gaps.empty() || (camera.timestamps.empty() && !are_counted)) return std::nullopt;
+  const std::string before = files[gaps.front()].path.filename().string();
+  if (camera.timestamps.empty())
+    return NumbersProblem{
+        fmt::format("numbers are missing before {}, but a glob counts files: if pictures are missing there, times from "
+                    "there on are too early: give a pattern, like img%d.jpg; if none is missing, add {}",
+                    before, how_to_confirm)};
+  const auto& rows = camera.timestamps;
+  const bool has_a_row_a_file = rows.size() == files.size() && rows.front().first == 0 &&
+                                rows.back().first == static_cast<std::int64_t>(files.size()) - 1;
+  if (!has_a_row_a_file && !are_counted) return std::nullopt;
+  const double usual_s = seconds_a_frame(camera);
+  const bool has_gaps = std::ranges::all_of(gaps, [&](std::size_t k) { return is_gap(camera, k, usual_s); });
+  const std::string name = camera.times_file.filename().string();
+  if (!has_a_row_a_file)
+    return NumbersProblem{
+        fmt::format("numbers are missing before {}, but a glob counts files, and {} has {} rows for {} "
+                    "files: give a pattern, like img%d.jpg; if the rows are right, add {}",
+                    before, name, rows.size(), files.size(), how_to_confirm)};
+  if (has_gaps && are_counted) return std::nullopt;
+  if (has_gaps)
+    return NumbersProblem{fmt::format("{} has a row for every file, and longer steps where numbers are missing (first "
+                                      "before {}): its rows are taken for the files in their order",
+                                      name, before),
+                          true};
+  return NumbersProblem{
+      fmt::format("numbers are missing before {}, but {} has a row for every file, and goes on evenly "
+                  "there: if pictures are missing, its times are too early from there on; if none is "
+                  "missing, add {}",
+                  before, name, how_to_confirm)};
+}
+
 TimesBesideFilm::TimesBesideFilm(const RecordedCamera& camera, capture::Duration film_period)
     : name_(camera.fps > 0 ? "fps" : camera.times_file.filename().string()),
       key_(camera.fps > 0 ? "fps" : "timestamps"),
@@ -149,7 +197,10 @@ void TimesBesideFilm::see(std::int64_t index, capture::Timestamp stated, capture
   }
   recent_.push_back(picture);
   if (recent_.size() > film_times.window) recent_.pop_front();
-  if (is_measured_) return;  // only a film that is measured, too, can contradict it
+  if (is_measured_) {  // the rate of a film that is not measured is nominal, but its gaps are dropped frames
+    look_for_gap_beside_measured();
+    return;
+  }
   if (!has_compared_ && index - first_->index >= film_times.enough) compare_rates(picture);
   look_for_gap();
 }
@@ -199,14 +250,37 @@ void TimesBesideFilm::look_for_gap() {
   const double stated_periods = (end.stated_s - begin.stated_s) / stated_usual_s;
   const double gap_s = end.film_s - begin.film_s - stated_periods * usual_s;
   if (gap_s < film_times.gap * usual_s) return;
-  has_problem_ = true;
   const auto longest = std::ranges::max_element(steps_s) - steps_s.begin();
-  const long missing = std::max(1L, std::lround(gap_s / usual_s));
+  report_gap(std::max(1L, std::lround(gap_s / usual_s)), recent_[static_cast<std::size_t>(longest) + 1].index);
+}
+
+// In the middle of the window the film has a gap among even steps: how far both clocks differ, in their own usual
+// steps, by the medians before and after it, which neither jitter nor a late stamp changes.
+void TimesBesideFilm::look_for_gap_beside_measured() {
+  if (has_problem_ || recent_.size() < film_times.window) return;
+  std::vector<double> film_s, stated_s;
+  for (std::size_t k = 1; k < recent_.size(); ++k) {
+    const auto frames = static_cast<double>(recent_[k].index - recent_[k - 1].index);
+    film_s.push_back((recent_[k].film_s - recent_[k - 1].film_s) / frames);
+    stated_s.push_back((recent_[k].stated_s - recent_[k - 1].stated_s) / frames);
+  }
+  if (do_vary(film_s)) return;
+  const double usual_s = median(film_s), stated_usual_s = median(stated_s);
+  const std::size_t middle = film_times.window / 2;
+  if (film_s[middle - 1] < (1 + film_times.gap) * usual_s) return;
+  std::vector<double> before, after;
+  for (std::size_t k = 0; k < recent_.size(); ++k)
+    (k < middle ? before : after).push_back(recent_[k].film_s / usual_s - recent_[k].stated_s / stated_usual_s);
+  const double steps = median(std::move(after)) - median(std::move(before));
+  if (steps >= film_times.gap) report_gap(std::max(1L, std::lround(steps)), recent_[middle].index);
+}
+
+void TimesBesideFilm::report_gap(long missing, std::int64_t before) {
+  has_problem_ = true;
   problems_.push_back(fmt::format(
       "its own time stamps say that {} missing before frame {}: from there on, {} gives times that are too early: "
       "leave {} out to use the file's time stamps; if these are wrong, add {}",
-      missing == 1 ? "a frame is" : fmt::format("{} frames are", missing),
-      recent_[static_cast<std::size_t>(longest) + 1].index, name_, key_, how_to_confirm));
+      missing == 1 ? "a frame is" : fmt::format("{} frames are", missing), before, name_, key_, how_to_confirm));
 }
 
 std::vector<std::string> TimesBesideFilm::take_problems() {

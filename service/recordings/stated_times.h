@@ -5,12 +5,14 @@
 #include <cstdint>
 #include <deque>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
 
 #include "capture/frames/frame.h"
+#include "recordings/image_series.h"
 #include "recordings/recording.h"
 
 namespace huetrack::recordings {
@@ -23,6 +25,15 @@ struct TimesProblem {
 // Listed times (camera.timestamps) that are too far apart, or too close, for the file. file_period: by its header; 0:
 // it has none, as images. nullopt: they may be right.
 std::optional<TimesProblem> problem_of_listed_times(const RecordedCamera& camera, capture::Duration file_period);
+
+struct NumbersProblem {
+  std::string text;
+  bool counts_files = false;  // the table numbers the files, not the pictures: read so, it has the gaps of the names
+};
+
+// Numbers that are missing in the names of a series, as pictures that the camera dropped, and stated times that do not
+// know it. nullopt: there are none, or the times have the same gaps.
+std::optional<NumbersProblem> problem_of_numbers(const RecordedCamera& camera, std::span<const ImageFile> files);
 
 // The times that a recording states (fps, timestamps) beside the film's own time stamps, as they are played. Times that
 // do not vary were not measured: they follow from a rate that somebody typed, as those of most headers do. Measured
@@ -46,6 +57,8 @@ class TimesBesideFilm {
   void compare_rates(const Seen& picture);
   void report_rate(double stated_period_s, double film_period_s, std::string_view remedy);
   void look_for_gap();
+  void look_for_gap_beside_measured();
+  void report_gap(long missing, std::int64_t before);
 
   std::string name_;  // of the times: "fps", or the table
   std::string key_;

@@ -51,8 +51,16 @@ constexpr const char* films =
     "yuv4mpegpipe,mpjpeg,rm,wtv,mxf,vc1,image2,png_pipe,jpeg_pipe,bmp_pipe,tiff_pipe,webp_pipe,jpegls_pipe,j2k_pipe,"
     "pgm_pipe,ppm_pipe,pam_pipe,pbm_pipe,exr_pipe,qoi_pipe,dpx_pipe,sgi_pipe,sunrast_pipe,wav,mp3,flac,aac";
 
-// Without a container there are no time stamps: FFmpeg counts packets, and the first picture of MPEG-2 gets none.
+// Without a container there are no time stamps: FFmpeg counts packets at 25 a second, and the first picture of MPEG-2
+// gets none.
 constexpr std::array<std::string_view, 7> elementary_streams{"mpegvideo", "m4v", "h264", "hevc", "vc1", "obu", "av1"};
+bool has_no_stamps(const AVInputFormat& format) {
+  return (format.flags & AVFMT_NOTIMESTAMPS) != 0 || std::ranges::count(elementary_streams, format.name) > 0;
+}
+// Pictures one after the other, as `cat *.png` writes them: the first one is at 0, the others have no time.
+bool is_series_of_pictures(const AVInputFormat& format) {
+  return std::string_view(format.name).ends_with("_pipe");
+}
 
 }  // namespace
 
@@ -61,7 +69,7 @@ struct VideoReader::Impl {
       : camera(c), selection(c), warnings(w), growing(std::move(g)), keeps_jpeg(keeps) {
     capture::take_over_ffmpeg_log();
     auto parts = stream_parts(c.frames, warnings);
-    if (parts.empty()) images = image_files_of(c, warnings);
+    if (parts.empty()) images = image_files_of(c);
     if (parts.empty()) parts = {images.empty() ? camera.frames : images.front().path};
     open(parts, threads);
   }
@@ -128,7 +136,8 @@ struct VideoReader::Impl {
     if (const int e = codec.open(stream, *decoder, decoding); e < 0)
       fail(file, "its video cannot be decoded: " + capture::error_text(e));
     pictures.set_stream(*stream);
-    if (camera.first_field) pictures.keep_fields();
+    pictures.keep_fields(camera.first_field.has_value());
+    pictures.depth().state(camera.bits);
     const AVCodecDescriptor* properties = avcodec_descriptor_get(decoder->id);
     is_intra_only = properties && (properties->props & AV_CODEC_PROP_INTRA_ONLY) != 0;
     is_delayed = (decoder->capabilities & AV_CODEC_CAP_DELAY) != 0;
@@ -143,7 +152,7 @@ struct VideoReader::Impl {
     if (stream) {
       const std::string_view container = format->iformat->name;
       is_avi = container == "avi";
-      has_stamps = std::ranges::count(elementary_streams, container) == 0;
+      has_stamps = !has_no_stamps(*format->iformat);
       if (is_avi) {
         order.count_packets();
         find_empty_chunks();
@@ -234,7 +243,9 @@ struct VideoReader::Impl {
     const bool is_damaged = log.container_count() > 0;
     if (result < 0) {
       damaged = damaged || is_damaged;
-      may_lack_last = is_delayed;  // a truncated file may lack frames before its last one
+      // A truncated file may lack frames before its last one; one that was cut while it was copied has all that it
+      // lists.
+      may_lack_last = is_delayed && !(listed_packets > 0 && packets >= listed_packets);
       decode_rest();
       const bool read_failed = result != AVERROR_EOF || (format->pb && format->pb->error < 0);
       if (read_failed || is_damaged || ends_early())
@@ -255,6 +266,7 @@ struct VideoReader::Impl {
       }
       stamp_from_avi_index();
       use_times_of_decoding();
+      if (packets > 1 && is_series_of_pictures(*format->iformat)) has_stamps = false;
       if (!has_stamps) packet->pts = packet->dts = AV_NOPTS_VALUE;
       if (is_delayed)
         decode_delayed();
@@ -354,7 +366,9 @@ struct VideoReader::Impl {
     if (packet->size == 0) return result;  // would signal the end to the decoder
     const AVCodecID kind = codec.codec().codec_id;
     if (kind == AV_CODEC_ID_MJPEG && decode_jpeg(result)) return result;
-    if (kind == AV_CODEC_ID_TIFF) return {.image = tiff_of({packet->data, static_cast<std::size_t>(packet->size)})};
+    const std::span<const std::uint8_t> bytes(packet->data, static_cast<std::size_t>(packet->size));
+    if (kind == AV_CODEC_ID_TIFF) return {.image = tiff_of(bytes, pictures.depth())};
+    if (kind == AV_CODEC_ID_PNG) pictures.depth().tag(capture::png_significant_bits(bytes));
     const int errors_before = log.count();
     int error = codec.send(packet.get());
     while (error == 0) {
@@ -459,7 +473,9 @@ struct VideoReader::Impl {
   }
 
   std::optional<capture::Image> image_from(capture::FramePtr frame) {
-    return pictures.image_of(std::move(frame), codec.codec().codec_id);
+    auto image = pictures.image_of(std::move(frame), codec.codec().codec_id);
+    tagged_field = image ? pictures.tagged_field() : std::nullopt;
+    return image;
   }
 
   // ---- Numbering
@@ -524,7 +540,10 @@ struct VideoReader::Impl {
     if (!image && images.empty())
       warn(lost_warnings, "frame " + std::to_string(number) + " does not decode" + log.take());
     Shown picture{.index = number, .stamp = {}, .image = image ? std::move(*image) : capture::Image{}};
-    if (picture.image.width > 0) picture.jpeg = std::exchange(jpeg_bytes, nullptr);
+    if (picture.image.width > 0) {
+      picture.jpeg = std::exchange(jpeg_bytes, nullptr);
+      picture.tagged_field = std::exchange(tagged_field, std::nullopt);
+    }
     if (pts) picture.stamp = capture::Timestamp{duration_of_ticks(*pts - clock_start.value_or(decoding_delay))};
     ready.push_back(std::move(picture));
   }
@@ -542,7 +561,9 @@ struct VideoReader::Impl {
     const double second = av_q2d(av_inv_q(stream->time_base));
     const double end = static_cast<double>(format->duration) / AV_TIME_BASE * second;  // from 0 on, in these headers
     const std::int64_t before_0 = std::min<std::int64_t>(0, clock_start.value_or(0));  // a clock that has wrapped
-    return static_cast<double>(*last_pts - before_0) + 2.5 * *ticks < end;
+    // Times of showing are later than those of decoding, up to which such a file counts.
+    const double delay = has_only_times_of_decoding ? stream->codecpar->video_delay * *ticks : 0;
+    return static_cast<double>(*last_pts - before_0) + delay + 2.5 * *ticks < end;
   }
 
   std::optional<std::int64_t> frame_count() const {
@@ -556,6 +577,12 @@ struct VideoReader::Impl {
 
   void end() {
     ended = true;
+    if (has_only_times_of_decoding && !is_regular && stream->codecpar->video_delay > 0 && camera.fps == 0 &&
+        camera.timestamps.empty())
+      warnings.push_back(camera.frames.string() +
+                         ": has only times of decoding, which are not even: those of showing are wrong around every "
+                         "gap, by up to " +
+                         std::to_string(stream->codecpar->video_delay) + " frames: give timestamps");
     sum_up(lost_warnings, "frames that do not decode");
     sum_up(damage_warnings, "damaged places");
   }
@@ -568,6 +595,7 @@ struct VideoReader::Impl {
   std::vector<ImageFile> images;  // empty: a video
   const bool keeps_jpeg;
   std::shared_ptr<const std::vector<std::uint8_t>> jpeg_bytes = {};  // of the next picture
+  std::optional<capture::FirstField> tagged_field = {};              // of the next picture
   std::size_t next_image = 0;
   std::unique_ptr<JoinedParts> joined;  // of format, when it has several parts
   capture::InputPtr format;             // null for images
@@ -635,6 +663,14 @@ capture::Duration VideoReader::frame_period() const {
 
 bool VideoReader::is_turned() const {
   return impl_->pictures.turns();
+}
+
+std::span<const ImageFile> VideoReader::series() const {
+  return impl_->images;
+}
+
+std::optional<int> VideoReader::unexplained_largest() const {
+  return impl_->pictures.depth().unexplained_largest();
 }
 
 std::optional<capture::Duration> VideoReader::clock_start() const {

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <stop_token>
 #include <string>
 #include <vector>
@@ -46,6 +47,8 @@ class VideoReader final : public PictureStream {
   capture::Duration frame_period() const override;  // average
   std::optional<capture::Duration> clock_start() const override;
   bool is_turned() const override;
+  std::optional<int> unexplained_largest() const override;
+  std::span<const ImageFile> series() const override;
 
  private:
   struct Impl;

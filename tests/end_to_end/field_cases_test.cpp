@@ -7,6 +7,7 @@
 #include <cctype>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 
 #include "end_to_end/process.h"
 #include "publish/test_domain.h"
@@ -105,6 +106,31 @@ TEST_F(FieldCases, ImagesAreInTheOrderOfTheirNumbers) {
   const auto by_number = replay({file("glob_order/recording.yaml")});
   EXPECT_EQ(by_number.status, 0) << by_number.text;
   EXPECT_LT(by_number.rms_mm, 3.5) << by_number.text;
+}
+
+// The ten pictures of a second lead; a ring buffer that begins in its middle; random numbers.
+TEST_F(FieldCases, OrdersOfFilesThatThePicturesContradictAreNamed) {
+  struct Case {
+    std::function<std::string(int)> name;  // of picture k
+    std::string said;
+    int status;
+  };
+  for (const Case& c : {Case{[](int k) { return "f_" + std::to_string(k % 10) + "_" + std::to_string(k / 10); },
+                             "f_0_0.jpg, f_1_0.jpg, f_2_0.jpg, ... instead of f_0_0.jpg, f_0_1.jpg, f_0_2.jpg", 3},
+                        Case{[](int k) { return std::to_string((k + 50) % 120); }, "if the series begins at 50.jpg", 3},
+                        Case{[](int k) { return std::to_string(1000 + k * k % 7919 * 11 + k * 37 % 997 * 101); },
+                             "hold no order", 1}}) {
+    for (const std::string camera : {"cam0", "cam1"}) {
+      fs::remove_all(folder_ / camera);
+      fs::create_directories(folder_ / camera);
+      for (int k = 0; k < 120; ++k)
+        fs::copy_file(field_cases / "glob_order" / camera / ("img" + std::to_string(k + 1) + ".jpg"),
+                      folder_ / camera / (c.name(k) + ".jpg"));
+    }
+    const auto played = replay({recording("frames: \"cam0/*.jpg\", fps: 30", "frames: \"cam1/*.jpg\", fps: 30")});
+    EXPECT_EQ(played.status, c.status) << played.text;
+    EXPECT_THAT(played.text, HasSubstr(c.said));
+  }
 }
 
 // As a program that sorts by letters numbers them anew.

@@ -57,6 +57,15 @@ TEST(FileOrder, AMinusIsASignWhereOtherNamesHaveNone) {
     EXPECT_EQ(sorted(ordered), ordered);
 }
 
+TEST(FileOrder, OtherNumbersMayLead) {
+  const std::vector<std::filesystem::path> files{"f_0_0.png", "f_0_1.png", "f_1_0.png", "f_1_1.png"};
+  EXPECT_THAT(other_orders(files), testing::ElementsAre(testing::ElementsAre(0, 2, 1, 3)));
+  EXPECT_THAT(other_orders({"f_1.png", "f_2.png"}), testing::IsEmpty());
+  EXPECT_THAT(other_orders({"7_f_1.png", "7_f_2.png"}), testing::IsEmpty()) << "one does not vary";
+  EXPECT_THAT(other_orders({"1_10.png", "2_20.png", "3_30.png"}), testing::IsEmpty()) << "the same order";
+  EXPECT_THAT(other_orders({"1_1.png", "1_b2.png"}), testing::IsEmpty()) << "of two kinds";
+}
+
 // As programs print times, and other numbers with a point.
 TEST(FileOrder, EvenDecimalsAreFractions) {
   for (const std::vector<std::filesystem::path>& ordered :
@@ -109,6 +118,13 @@ TEST(FileOrder, NamesOfLettersAndHashesHoldNone) {
   EXPECT_TRUE(hold_an_order({"a_1.png", "a_2.png", "b_1.png", "b_2.png"}));
   EXPECT_TRUE(hold_an_order({"run_a/1.png", "run_a/2.png", "run_b/1.png", "run_b/2.png"}));
   EXPECT_TRUE(hold_an_order({"left.png", "right.png"})) << "too few to know";
+  std::vector<std::filesystem::path> ids, times;
+  for (int k = 0; k < 60; ++k) {
+    ids.emplace_back("img" + std::to_string(std::uniform_int_distribution(100'000, 999'999)(random)) + ".jpg");
+    times.emplace_back(std::to_string(1'700'000'000'000 + 33 * k + std::uniform_int_distribution(-5, 5)(random)));
+  }
+  EXPECT_FALSE(hold_an_order(ids));
+  EXPECT_TRUE(hold_an_order(times));
 }
 
 TEST(FileOrder, OrdersNamesThatDifferOnlyInLeadingZeros) {

@@ -124,6 +124,22 @@ TEST_F(Inputs, Images) {
   EXPECT_THAT(replayed({"left=" + at("imgs")}), HasSubstr("images as a pattern like %06d.png"));
 }
 
+// Of a camera of 12 bits: 0 to 4095 in samples of 16.
+TEST_F(Inputs, ImagesOfTwelveBits) {
+  fs::create_directory(folder / "deep");
+  for (int k = 0; k < input_frames; ++k) {
+    cv::Mat deep;
+    flat(k).convertTo(deep, CV_16U, 16);
+    deep.at<std::uint16_t>(0, 0) = 4095;
+    cv::imwrite(at("deep/" + std::to_string(k) + ".png"), deep);
+    cv::imwrite(at("deep/" + std::to_string(k) + ".tif"), deep);
+  }
+  for (const std::string frames : {"deep/%d.png", "deep/%d.tif"}) {
+    EXPECT_EQ(gathered({"left=" + at(frames)}), all);
+    EXPECT_EQ(replayed_with("frames: '" + frames + "', fps: 10, bits: 12"), all) << frames;
+  }
+}
+
 TEST_F(Inputs, RosBag) {
   std::vector<recordings::WrittenMessage> messages, of_ros1;
   for (int k = 0; k < input_frames; ++k) {

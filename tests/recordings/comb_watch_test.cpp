@@ -49,12 +49,12 @@ capture::Image picture(const Film& film, int k, std::mt19937_64& random) {
   return made.image;
 }
 
-std::optional<std::string> watched(const Film& film, int pictures = 80) {
+std::optional<std::string> watched(const Film& film, int pictures = 80, std::optional<StatedFields> stated = {}) {
   std::mt19937_64 random(1);
   CombWatch watch;
   std::optional<std::string> problem;
   for (int k = 0; k < pictures; ++k) {
-    watch.see(picture(film, k % 8, random));
+    watch.see(picture(film, k % 8, random), stated);
     if (auto found = watch.take_problem()) {
       EXPECT_FALSE(problem) << "named twice";
       problem = found;
@@ -74,11 +74,51 @@ TEST(CombWatch, NamesPicturesOfTwoMomentsAndTheFieldThatIsFirst) {
   }
 }
 
+TEST(CombWatch, NamesFieldsThatAreStatedInTheWrongOrder) {
+  for (const Rows rows : {Rows::top_first, Rows::bottom_first})
+    for (const capture::FirstField first : {capture::FirstField::top, capture::FirstField::bottom})
+      for (const bool is_tagged : {false, true}) {
+        const auto problem = watched({.rows = rows}, 80, StatedFields{.first = first, .is_tagged = is_tagged});
+        const bool is_right = (rows == Rows::top_first) == (first == capture::FirstField::top);
+        EXPECT_EQ(problem.has_value(), !is_right);
+        if (problem) {
+          EXPECT_THAT(*problem,
+                      HasSubstr(rows == Rows::top_first ? "that the top field was" : "that the bottom field"));
+        }
+      }
+}
+
+TEST(CombWatch, NamesStatedFieldsOfAFilmThatIsNotInterlaced) {
+  EXPECT_THAT(watched({}, 300, StatedFields{}), testing::Optional(HasSubstr("leave fields out")));
+  EXPECT_FALSE(watched({}, 300, StatedFields{.is_tagged = true})) << "half of the rows are enough";
+  EXPECT_FALSE(watched({.noise = 30, .step_px = 0}, 80, StatedFields{}));
+}
+
 TEST(CombWatch, NamesNoProgressiveFilm) {
   for (const double noise : {0., 2., 10., 30.})
     for (const double step_px : {0., 1., 6.})
       EXPECT_FALSE(watched({.noise = noise, .step_px = step_px})) << noise << " " << step_px;
   for (const double noise : {0., 2.}) EXPECT_FALSE(watched({.noise = noise, .has_blind = true})) << noise;
+}
+
+// A comparison decodes two pictures whole; when something moves at last, it is seen within seconds.
+TEST(CombWatch, LooksSeldomWhileNothingMoves) {
+  std::mt19937_64 random(1);
+  CombWatch watch;
+  const capture::Image still = picture({.rows = Rows::top_first}, 0, random);
+  long kept = 0;
+  for (int k = 0; k < 640; ++k) {
+    const long before = still.owner.use_count();
+    watch.see(still);
+    kept += still.owner.use_count() > before ? 1 : 0;
+  }
+  EXPECT_LE(kept, 640 / 64 + 5);
+  bool is_named = false;
+  for (int k = 0; k < 120; ++k) {
+    watch.see(picture({.rows = Rows::top_first}, k % 8, random));
+    is_named = is_named || watch.take_problem();
+  }
+  EXPECT_TRUE(is_named);
 }
 
 TEST(CombWatch, IsAskedOfEveryRecording) {

@@ -93,6 +93,22 @@ TEST_F(FilesOfCameras, APictureWithoutItsBeginningKeepsItsNumber) {
   }
 }
 
+// Without a container FFmpeg takes 25 pictures a second.
+TEST_F(FilesOfCameras, BytesBeforeTheFirstPictureAreLeftOut) {
+  std::string jpegs;
+  for (int k = 0; k < 5; ++k) jpegs += grey_jpeg(k);
+  for (const std::size_t junk : {1U, 8U, 600U, 20'000U}) {
+    std::string bytes;
+    for (std::size_t i = 0; i < junk; ++i) bytes += static_cast<char>(0x80 + (i * i + i / 7) % 113);
+    capture::write_text(folder / "a.mjpeg", bytes + jpegs);
+    EXPECT_THAT(error_of("frames: a.mjpeg"), AllOf(HasSubstr("has no time stamps"), HasSubstr("give fps")));
+    const Played played = play("frames: a.mjpeg, fps: 10");
+    EXPECT_THAT(played.shown, ElementsAre(0, 1, 2, 3, 4)) << junk;
+    EXPECT_EQ(played.at.back(), capture::Timestamp(400ms));
+    EXPECT_THAT(played.warnings, ElementsAre(HasSubstr("before its first picture are left out")));
+  }
+}
+
 TEST_F(FilesOfCameras, JpegsOneAfterTheOther) {
   std::string plain, saved;
   for (int k = 0; k < 5; ++k) {

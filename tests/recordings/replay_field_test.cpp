@@ -87,6 +87,23 @@ TEST_F(FieldFile, BFramesInAviHaveTheTimesOfTheirPlace) {
     }
 }
 
+// `ffmpeg -c copy -t`: a B frame before the last picture is not in the file, and not in its index.
+TEST_F(FieldFile, AFilmThatWasCutWhileItWasCopiedIsWhole) {
+  Clip clip = with_b_frames("libx264");
+  clip.tamper = [](int k, AVPacket&) { return k < 17; };
+  const FieldPlay played = play_field(write("a.mp4", clip));
+  EXPECT_EQ(played.shown.size(), 17u);
+  EXPECT_THAT(played.shown, testing::Not(testing::Contains(-1)));
+  EXPECT_THAT(played.warnings, IsEmpty());
+}
+
+// Its header's length counts the delay of decoding.
+TEST_F(FieldFile, AnAsfOfBFramesIsNotCutOff) {
+  const FieldPlay played = play_field(write("a.asf", with_b_frames("libx264")));
+  EXPECT_THAT(played.shown, numbers_to(18));
+  EXPECT_THAT(played.warnings, IsEmpty());
+}
+
 // DivX and XviD: every B frame is in the packet of the picture that it needs, and an empty picture follows.
 TEST_F(FieldFile, PackedBFramesArePicturesOfTheirOwn) {
   std::vector<std::string> coded;

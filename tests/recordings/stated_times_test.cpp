@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 
 #include <cmath>
+#include <random>
+#include <set>
 
 namespace huetrack::recordings {
 namespace {
@@ -73,6 +75,65 @@ RecordedCamera at_rate(double fps) {
 
 capture::Timestamp at_s(double s) {
   return capture::Timestamp{capture::duration_of(s)};
+}
+
+// Files named by their pictures' numbers, without some; a glob counts them.
+std::vector<ImageFile> files_without(const std::set<int>& missing, bool is_glob) {
+  std::vector<ImageFile> files;
+  for (int k = 0; k < 30; ++k)
+    if (!missing.contains(k))
+      files.push_back({is_glob ? static_cast<std::int64_t>(files.size()) : k, k, std::to_string(k) + ".jpg"});
+  return files;
+}
+
+// A row for each file: at its number's time, or evenly.
+RecordedCamera table_of(const std::vector<ImageFile>& files, bool has_gaps) {
+  RecordedCamera camera;
+  camera.times_file = "t.csv";
+  for (const ImageFile& file : files) {
+    const auto row = static_cast<std::int64_t>(camera.timestamps.size());
+    camera.timestamps.emplace_back(row, at_s((has_gaps ? double(file.named) : double(row)) / 30));
+  }
+  return camera;
+}
+
+TEST(NumbersOfFiles, ThatAreMissingContradictEvenTimes) {
+  for (const bool is_glob : {true, false}) {
+    const auto files = files_without({9, 10, 20}, is_glob);
+    const auto even = problem_of_numbers(table_of(files, false), files);
+    ASSERT_TRUE(even);
+    EXPECT_FALSE(even->counts_files);
+    EXPECT_THAT(even->text, AllOf(HasSubstr("missing before 11.jpg"), HasSubstr("t.csv has a row for every file"),
+                                  HasSubstr("trust_times: true")));
+    const auto right = problem_of_numbers(table_of(files, true), files);
+    EXPECT_EQ(right.has_value(), !is_glob);
+    EXPECT_TRUE(is_glob || right->counts_files);
+    EXPECT_FALSE(problem_of_numbers(table_of(files_without({}, is_glob), false), files_without({}, is_glob)));
+    const auto by_rate = problem_of_numbers(at_rate(30), files);
+    EXPECT_EQ(by_rate.has_value(), is_glob);
+  }
+}
+
+// Dropped frames in the film's own stamps, and a table of measured times that does not know them.
+TEST(TimesBesideFilm, AMeasuredTableWithoutTheFilmsGapsIsNamed) {
+  for (const bool knows_gap : {false, true})
+    for (const double jitter_s : {0.004, 0.015}) {
+      std::mt19937_64 random(1);
+      std::uniform_real_distribution<double> jitter(-jitter_s, jitter_s);
+      RecordedCamera camera;
+      camera.times_file = "t.csv";
+      std::vector<double> film_s;
+      for (int k = 0; k < 60; ++k) {
+        film_s.push_back((k < 30 ? k : k + 2) / 30.);
+        camera.timestamps.emplace_back(k, at_s(1 + (knows_gap ? film_s.back() : k / 30.) + jitter(random)));
+      }
+      TimesBesideFilm times(camera, at_30_hz);
+      for (int k = 0; k < 60; ++k) times.see(k, camera.timestamps[std::size_t(k)].second, at_s(film_s[std::size_t(k)]));
+      times.end();
+      const auto problems = times.take_problems();
+      EXPECT_EQ(problems.size(), knows_gap ? 0U : 1U) << jitter_s;
+      for (const std::string& problem : problems) EXPECT_THAT(problem, HasSubstr("missing before frame 30"));
+    }
 }
 
 TEST(TimesBesideFilm, AsTheFilmsAreRight) {

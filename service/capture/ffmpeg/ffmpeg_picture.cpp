@@ -2,6 +2,7 @@
 
 extern "C" {
 #include <libavutil/display.h>
+#include <libavutil/imgutils.h>
 #include <libavutil/pixdesc.h>
 #include <libswscale/swscale.h>
 }
@@ -128,6 +129,28 @@ FramePtr converted(const AVFrame& source, ColorRange range, ScalerPtr& scaler) {
   return target;
 }
 
+// False: there is no memory to change the samples in.
+bool fit_samples(AVFrame& frame, SampleDepth& depth) {
+  const auto format = static_cast<AVPixelFormat>(frame.format);
+  const AVPixFmtDescriptor* described = av_pix_fmt_desc_get(format);
+  const std::uint64_t others = AV_PIX_FMT_FLAG_FLOAT | AV_PIX_FMT_FLAG_BITSTREAM | AV_PIX_FMT_FLAG_HWACCEL;
+  if (!described || described->comp[0].depth != 16 || (described->flags & others) != 0) return true;
+  if (av_frame_make_writable(&frame) < 0) return false;
+  std::vector<SampleRows> planes;
+  const bool has_alpha = (described->flags & AV_PIX_FMT_FLAG_ALPHA) != 0;
+  const int count = av_pix_fmt_count_planes(format), components = described->nb_components;
+  for (int i = 0; i < (has_alpha && count == components ? count - 1 : count); ++i)
+    planes.push_back(
+        {.data = frame.data[i],
+         .stride = frame.linesize[i],
+         .samples = static_cast<std::size_t>(std::max(0, av_image_get_linesize(format, frame.width, i))) / 2,
+         .rows = i == 0 ? frame.height : AV_CEIL_RSHIFT(frame.height, described->log2_chroma_h),
+         .order = (described->flags & AV_PIX_FMT_FLAG_BE) != 0 ? std::endian::big : std::endian::little,
+         .alpha_every = has_alpha && count == 1 ? static_cast<std::size_t>(components) : 0});
+  depth.fit(planes);
+  return true;
+}
+
 Image wrapped(FramePtr frame, PixelFormat format, ColorRange range) {
   Image image{.format = format,
               .range = format == PixelFormat::bgr ? ColorRange::full : range,
@@ -190,20 +213,22 @@ std::optional<Image> PictureMaker::image_of(FramePtr frame, AVCodecID codec) {
   if (const AVFrameSideData* tag = av_frame_get_side_data(frame.get(), AV_FRAME_DATA_DISPLAYMATRIX))
     read_orientation(tag->data, layout_);
   // A PNG's interlacing is the order of its bytes, not of the exposure.
-  const bool is_interlaced =
-      !keeps_fields_ && frame->interlaced_frame != 0 && codec != AV_CODEC_ID_PNG && codec != AV_CODEC_ID_APNG;
+  const bool is_interlaced = frame->interlaced_frame != 0 && codec != AV_CODEC_ID_PNG && codec != AV_CODEC_ID_APNG;
+  const bool stays_whole = keeps_fields_ && layout_.orientation.is_upright();
   const FirstField first = frame->top_field_first != 0 ? FirstField::top : FirstField::bottom;
-  layout_.is_interlaced = layout_.is_interlaced || is_interlaced;
+  layout_.is_interlaced = layout_.is_interlaced || (is_interlaced && !fields_are_stated_);
+  tagged_field_ = is_interlaced && stays_whole ? std::optional(first) : std::nullopt;
   const ColorRange range = range_of(*frame, codec);
   auto ours = pixel_format_of(static_cast<AVPixelFormat>(frame->format), frame->width, frame->height);
   const bool is_yuv = ours && *ours != PixelFormat::bgr && *ours != PixelFormat::grey;
   if (!ours || (is_yuv && has_other_matrix(*frame))) {
+    if (!fit_samples(*frame, depth_)) return std::nullopt;
     frame = converted(*frame, range, scaler_);
     if (!frame) return std::nullopt;
     ours = pixel_format_of(static_cast<AVPixelFormat>(frame->format), frame->width, frame->height);
   }
   const Image image = wrapped(std::move(frame), *ours, range);
-  return turned(is_interlaced ? first_field(image, first) : image, layout_.orientation);
+  return turned(is_interlaced && !stays_whole ? first_field(image, first) : image, layout_.orientation);
 }
 
 }  // namespace huetrack::capture

@@ -9,6 +9,7 @@
 #include "capture/ffmpeg/ffmpeg_objects.h"
 #include "capture/frames/picture_layout.h"
 #include "capture/frames/pixel_format.h"
+#include "capture/frames/sample_depth.h"
 
 struct SwsContext;
 
@@ -27,8 +28,13 @@ class PictureMaker {
   // Turned as its tag or the stream's says; of an interlaced one the first field, in full size.
   std::optional<Image> image_of(FramePtr frame, AVCodecID codec);
 
-  void set_stream(const AVStream& stream);      // its tags
-  void keep_fields() { keeps_fields_ = true; }  // pictures tagged as interlaced stay whole
+  void set_stream(const AVStream& stream);  // its tags
+  // Pictures tagged as interlaced stay whole, unless they are turned. are_stated: the tag needs no note.
+  void keep_fields(bool are_stated) { keeps_fields_ = true, fields_are_stated_ = are_stated; }
+  SampleDepth& depth() { return depth_; }
+  const SampleDepth& depth() const { return depth_; }
+  // Of the last picture, if it is tagged as interlaced and stayed whole.
+  std::optional<FirstField> tagged_field() const { return tagged_field_; }
   // For pictures that FFmpeg did not decode: turned as their own tag (nullopt: none) or the stream's says.
   Image upright(const Image& image, std::optional<Orientation> own = {});
 
@@ -40,7 +46,9 @@ class PictureMaker {
  private:
   ScalerPtr scaler_;
   PictureLayout layout_;
-  bool keeps_fields_ = false;
+  bool keeps_fields_ = false, fields_are_stated_ = false;
+  SampleDepth depth_;
+  std::optional<FirstField> tagged_field_;
   std::vector<std::string> taken_notes_;
 };
 
