@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <memory>
+#include <optional>
 
 #include "calib/gather/picture_source.h"
 #include "calib/model/rig_yaml.h"
@@ -20,7 +21,8 @@ struct WaveCommand : WavedOptions {
   std::vector<std::string> lenses, camera_distance;
   std::vector<double> hue, saturation{0.3, 1}, intensity{0.1, 0.95}, marks;
   double radius_mm = 40, rest_distance = 0;
-  bool no_poses = false, guess_lenses = false;
+  std::optional<double> g, latitude, ball_mass_g;
+  bool no_poses = false, guess_lenses = false, floor = false;
 };
 
 // The recording's cameras with lenses of 60 degrees, without distortion. throws as ReplaySource
@@ -97,6 +99,10 @@ wave::WaveOptions wave_options(const WaveCommand& o, const WavedInput& in) {
   if (o.rest_distance > 0) options.rest_distance_m = o.rest_distance;
   for (std::size_t i = 0; i + 3 < o.marks.size(); i += 4)
     options.marks.push_back({o.marks[i], {o.marks[i + 1], o.marks[i + 2], o.marks[i + 3]}});
+  options.g_m_s2 = o.g;
+  options.latitude_deg = o.latitude;
+  if (o.ball_mass_g) options.ball_kg = *o.ball_mass_g / 1e3;
+  options.floor = o.floor;
   if (in.config)
     options.volume = solver::WorldBox{in.config->object_tracking.volume.min, in.config->object_tracking.volume.max};
   for (const auto& problem : options.problems(in.rig)) throw gather::InputError(problem);
@@ -130,7 +136,7 @@ void add_wave_command(CLI::App& app, Command& chosen) {
   command->add_flag("--no-poses", o->no_poses, "do not use the rig's poses as a start");
   command
       ->add_option("--camera-distance", o->camera_distance,
-                   "CAMERA CAMERA METRES: measured distance of two cameras; sets the scale")
+                   "CAMERA CAMERA METRES: measured distance of two cameras; sets the scale, with the throws")
       ->expected(3);
   command
       ->add_option("--rest-distance", o->rest_distance,
@@ -141,6 +147,15 @@ void add_wave_command(CLI::App& app, Command& chosen) {
                    "SECONDS X Y Z: known position of the ball's centre; two set the scale, three the world")
       ->expected(4)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  command->add_option("--g", o->g, "gravity, m/s^2: throws set scale and vertical (default: 9.806, good to 0.15 %)")
+      ->check(CLI::Range(9.0, 10.0));
+  command->add_option("--latitude", o->latitude, "degrees: gravity there, good to 0.01 %")
+      ->check(CLI::Range(-90.0, 90.0))
+      ->excludes("--g");
+  command->add_option("--ball-mass", o->ball_mass_g, "grams: the air's drag on a thrown ball; else its flights show it")
+      ->check(CLI::PositiveNumber);
+  command->add_flag("--floor", o->floor,
+                    "the ball was laid on the floor, which becomes z = 0; at three places without throws");
   command->add_option("--lens", o->lenses,
                       "without --config: a rig file with lenses; may be repeated. Without any, lenses are estimated");
   command->add_flag("--guess-lenses", o->guess_lenses, "the lenses of --config's rig are guesses: estimate them");

@@ -14,6 +14,7 @@ namespace {
 using wave::WaveCamera;
 using wave::WaveResult;
 using wave::WaveScale;
+using Kind = wave::ScaleSource::Kind;
 
 constexpr double deg = 180 / std::numbers::pi;
 
@@ -37,37 +38,92 @@ constexpr double much_scatter_s = 0.003;                     // from frame to fr
 constexpr double unsure_latency_s = 0.004;                   // with fixed poses; a good wave gives 1 ms
 constexpr double many_repeated = 0.2, some_repeated = 0.03;  // of the fast frames
 
-std::string scale_text(const WaveResult& result) {
-  const WaveScale& scale = result.scale;
+std::string source_text(const wave::ScaleSource& source, const WaveResult& result) {
   const auto name = [&](int c) { return result.rig.cameras[static_cast<std::size_t>(c)].name; };
-  switch (scale.source) {
-    case WaveScale::Source::camera_distance:
-      return fmt::format("the distance between {} and {}, {:.3f} m", name(scale.a), name(scale.b), scale.measured_m);
-    case WaveScale::Source::rest_distance:
-      return fmt::format("the distance between the two places where the ball rested, {:.3f} m", scale.measured_m);
-    case WaveScale::Source::marks:
-      return fmt::format("{} marked points", scale.marks);
-    case WaveScale::Source::rig_poses:
+  switch (source.kind) {
+    case Kind::camera_distance:
+      return fmt::format("the distance between {} and {}, {:.3f} m", name(source.a), name(source.b), source.measured_m);
+    case Kind::rest_distance:
+      return fmt::format("the distance between the two places where the ball rested, {:.3f} m", source.measured_m);
+    case Kind::marks:
+      return fmt::format("{} marked points", source.count);
+    case Kind::throws:
+      return fmt::format("{} free flights of the ball", source.count);
+    case Kind::rig_poses:
       return "the rig's own poses";
-    case WaveScale::Source::ball_size:
+    case Kind::ball_size:
       break;
   }
   return "the ball's radius, roughly";
 }
 
+// All sources that count.
+std::string scale_text(const WaveResult& result) {
+  constexpr double counts = 0.01;
+  std::string text;
+  for (const wave::ScaleSource& source : result.scale.sources) {
+    if (!text.empty() && source.weight < counts) continue;
+    text += (text.empty() ? "" : ", and ") + source_text(source, result);
+  }
+  return text;
+}
+
 void doubt_scale(WaveReport& report, const WaveResult& result) {
-  const bool is_measured = result.scale.measured_m > 0;
+  const bool is_measured = result.scale.is_measured();
   if (result.scale.sigma > poor_scale) {
-    report.doubts.push_back(fmt::format("the scale is from {}, which is accurate to only {:.1f} %: {}",
-                                        report.scale_from, 1e2 * result.scale.sigma,
-                                        is_measured ? "measure a longer distance, or places further apart"
-                                                    : "give --camera-distance, --rest-distance or two marked points"));
+    report.doubts.push_back(fmt::format(
+        "the scale is from {}, which is accurate to only {:.1f} %: {}", report.scale_from, 1e2 * result.scale.sigma,
+        is_measured ? "measure a longer distance, or places further apart, or throw the ball more often"
+                    : "throw the ball five times and let it bounce, or give --camera-distance, --rest-distance or two "
+                      "marked points"));
   }
   if (is_measured && (result.size_ratio < small_ball || result.size_ratio > large_ball)) {
     report.doubts.push_back(fmt::format(
         "at this scale the ball appears {:.2f} times as large as its radius of {:.1f} mm: is the radius, or "
         "the measured distance, wrong?",
         result.size_ratio, 1e3 * result.radius_m));
+  }
+}
+
+// Says: a source's name in a contradiction.
+std::string witness(const wave::ScaleSource& source) {
+  switch (source.kind) {
+    case Kind::camera_distance:
+      return "the tape between the cameras says";
+    case Kind::rest_distance:
+      return "the distance of the rests says";
+    case Kind::marks:
+      return "the marked points say";
+    case Kind::throws:
+      return "the throws say";
+    case Kind::rig_poses:
+      return "the rig's own poses say";
+    case Kind::ball_size:
+      break;
+  }
+  return "the ball's radius says";
+}
+
+// Two sources of the scale that contradict one another, in metres of what was measured.
+void doubt_sources(WaveReport& report, const WaveResult& result) {
+  constexpr double sigmas = 3;
+  const std::vector<wave::ScaleSource>& sources = result.scale.sources;
+  for (std::size_t i = 0; i < sources.size(); ++i) {
+    for (std::size_t k = i + 1; k < sources.size(); ++k) {
+      const bool is_first = sources[i].measured_m > 0;
+      const wave::ScaleSource &a = sources[is_first ? i : k], &b = sources[is_first ? k : i];
+      const double both = std::hypot(a.sigma, b.sigma);
+      if (a.kind == Kind::ball_size || b.kind == Kind::ball_size ||
+          std::abs(std::log(a.ratio / b.ratio)) < sigmas * both)
+        continue;
+      constexpr double metre = 1;  // of nothing that was measured
+      const double a_m = a.measured_m > 0 ? a.measured_m : metre, b_m = a_m * b.ratio / a.ratio;
+      report.doubts.push_back(
+          fmt::format("the scale is contradictory: {} {:.3f} +- {:.3f} m, {} {:.3f} +- {:.3f} m for the same length. "
+                      "Measure again, "
+                      "and check the lenses",
+                      witness(a), a_m, a_m * a.sigma, witness(b), b_m, b_m * b.sigma));
+    }
   }
 }
 
@@ -202,6 +258,17 @@ void doubt_positions(WaveReport& report, const WaveResult& result) {
   }
 }
 
+std::string vertical_text(const WaveResult& result, const wave::WaveVertical& vertical) {
+  constexpr double sigmas = 3, same_rad = 1e-6;
+  const std::string sure =
+      fmt::format("+- {:.2f} degrees, by {} free flights of the ball", deg * vertical.sigma_rad, vertical.flights);
+  if (vertical.tilt_rad < same_rad) return fmt::format("the world's z axis is vertical, {}", sure);
+  return fmt::format(
+      "the world's z axis, of {}, is {:.2f} degrees off the vertical, {}: {}",
+      result.marks_error_m ? "the marked points" : "the rig", deg * vertical.tilt_rad, sure,
+      vertical.tilt_rad < sigmas * vertical.sigma_rad ? "they agree" : "if z is meant to be up, set the world anew");
+}
+
 std::vector<std::string> notes_on(const WaveResult& result) {
   std::vector<std::string> notes;
   for (std::size_t c = 0; c < result.cameras.size(); ++c) {
@@ -218,9 +285,10 @@ std::vector<std::string> notes_on(const WaveResult& result) {
   if (result.marks_error_m) {
     notes.push_back(fmt::format("the marked points fit to {:.1f} mm", 1e3 * *result.marks_error_m));
   } else if (!result.had_poses) {
-    notes.push_back("the world's origin is " + result.rig.cameras[0].name +
-                    ", with z up in its image; set it with huetrack-calibrate world");
+    notes.push_back(fmt::format("the world's origin is {}, with z up {}; set it with huetrack-calibrate world",
+                                result.rig.cameras[0].name, result.vertical ? "by the throws" : "in its image"));
   }
+  if (result.vertical) notes.push_back(vertical_text(result, *result.vertical));
   return notes;
 }
 
@@ -240,6 +308,7 @@ WaveReport report_on(const WaveResult& result) {
   if (!result.held_poses) {
     if (result.is_in_a_plane()) report.doubts.push_back(with_advice({wave::motion_in_a_plane(result.extent_m)}));
     doubt_scale(report, result);
+    doubt_sources(report, result);
     doubt_measured(report, result);
   }
   for (std::size_t c = 0; c < result.cameras.size(); ++c)
@@ -255,6 +324,15 @@ WaveReport report_on(const WaveResult& result) {
 
 namespace {
 
+Table scale_table(const WaveResult& result) {
+  Table table{.head = {"the scale by", "+- %", "weight %", "larger than taken, %"}, .rows = {}};
+  for (const wave::ScaleSource& source : result.scale.sources)
+    table.rows.push_back({source_text(source, result), fmt::format("{:.2f}", 1e2 * source.sigma),
+                          fmt::format("{:.1f}", 1e2 * source.weight),
+                          fmt::format("{:+.2f}", 1e2 * (source.ratio - 1))});
+  return table;
+}
+
 void add_positions(Document& document, const WaveReport& report, const WaveResult& result) {
   const auto expected = [&](std::string_view where, double error_m, double by_scale_m) {
     document.paragraph(fmt::format("expected error of positions {}: {:.1f} mm rms, and by the scale {:.1f} mm", where,
@@ -269,6 +347,7 @@ void add_positions(Document& document, const WaveReport& report, const WaveResul
   document.paragraph(
       fmt::format("scale: from {}; accurate to {:.2f} %; the ball appears {:.2f} times as large as its radius",
                   report.scale_from, 1e2 * result.scale.sigma, result.size_ratio));
+  document.table(scale_table(result));
 }
 
 Table cameras_table(const WaveResult& result) {

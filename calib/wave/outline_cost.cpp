@@ -5,6 +5,8 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
+#include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "calib/model/cross_matrix.h"
@@ -134,6 +136,64 @@ std::optional<Vector2d> outline_centre(const calib::CameraModel& model, const Ve
   const auto px = model.project(outline_point(pinhole, p_cam, radius_m, &unused));
   if (!px) return std::nullopt;
   return px->px;
+}
+
+namespace {
+
+LinearOutline linear_outline(const calib::CameraRig& rig, const BallObservation& o, const WaveState& state,
+                             double radius_m) {
+  const auto c = static_cast<std::size_t>(o.camera);
+  const double t_s = state.exposed_s(rig, o.camera, o.t_s, o.px);
+  const std::size_t first = state.path.piece(t_s);
+  const Matrix3d rotation = state.cam_from_world[c].rotation.toRotationMatrix();
+  Eigen::Matrix<double, 6, 1> pose;
+  pose << Vector3d::Zero(), state.cam_from_world[c].translation;
+  const CameraTime time = state.times.empty() ? CameraTime{} : state.times[c];
+  const LensChange lens = state.lenses.empty() ? LensChange(LensChange::Zero()) : state.lenses[c];
+  const auto cost =
+      outline_cost(rig.cameras[c], rotation, o, below_middle(rig.cameras[c], o.px), state.path, first, radius_m);
+  std::array<const double*, 8> blocks{pose.data(), nullptr,         nullptr,         nullptr,
+                                      nullptr,     &time.latency_s, &time.readout_s, lens.data()};
+  for (std::size_t k = 0; k < 4; ++k) blocks[k + 1] = state.path.control[first + k].data();
+  Vector2d residual;
+  Eigen::Matrix<double, 2, 6, Eigen::RowMajor> by_pose;
+  std::array<Eigen::Matrix<double, 2, 3, Eigen::RowMajor>, 4> by_control;
+  Eigen::Matrix<double, 2, lens_freedom, Eigen::RowMajor> by_lens;
+  std::array<double*, 8> jacobians{
+      by_pose.data(), by_control[0].data(), by_control[1].data(), by_control[2].data(), by_control[3].data(), nullptr,
+      nullptr,        by_lens.data()};
+  cost->Evaluate(blocks.data(), residual.data(), jacobians.data());
+  LinearOutline out{.observation = o, .in_path = {.t_s = t_s}, .by_errors = {}};
+  out.in_path.by_position = by_control[0] + by_control[1] + by_control[2] + by_control[3];
+  out.in_path.value = out.in_path.by_position * state.path.at(t_s) - residual;
+  // t = -R exp(omega) centre
+  const Vector3d centre = calib::inverse(state.cam_from_world[c]).translation;
+  out.by_errors << -by_pose.rightCols<3>() * rotation,
+      by_pose.leftCols<3>() + by_pose.rightCols<3>() * rotation * cross_matrix(centre), by_lens;
+  return out;
+}
+
+}  // namespace
+
+std::vector<LinearOutline> linear_outlines(const calib::CameraRig& rig,
+                                           const std::vector<BallObservation>& observations, const WaveState& state,
+                                           double radius_m) {
+  constexpr double loss = 3;  // as WaveAdjustmentOptions::loss
+  std::vector<LinearOutline> out;
+  double sum = 0, weights = 0;
+  for (const BallObservation& o : observations) {
+    const LinearOutline linear = linear_outline(rig, o, state, radius_m);
+    if (linear.in_path.by_position.isZero(0)) continue;
+    const double distance2 =
+        (linear.in_path.by_position * state.path.at(linear.in_path.t_s) - linear.in_path.value).squaredNorm();
+    const double weight = 1 / (1 + distance2 / (loss * loss));
+    sum += weight * distance2, weights += 2 * weight;
+    out.push_back(linear);
+  }
+  std::ranges::stable_sort(out, {}, [](const LinearOutline& o) { return o.in_path.t_s; });
+  const double noise = std::sqrt(std::max(1.0, sum / std::max(1.0, weights)));
+  for (LinearOutline& o : out) o.in_path.by_position /= noise, o.in_path.value /= noise, o.by_errors /= noise;
+  return out;
 }
 
 }  // namespace huetrack::wave

@@ -5,7 +5,9 @@
 
 #include <Eigen/Core>
 #include <memory>
+#include <vector>
 
+#include "calib/wave/flights.h"
 #include "calib/wave/wave_adjustment.h"
 
 namespace huetrack::wave {
@@ -25,5 +27,16 @@ Eigen::Matrix3d right_jacobian(const Eigen::Vector3d& omega);
 std::unique_ptr<ceres::CostFunction> outline_cost(const calib::Camera& camera, const Eigen::Matrix3d& base,
                                                   const BallObservation& observation, double below_middle,
                                                   const BallPath& path, std::size_t first, double radius_m);
+
+// An outline, linear around its place on the path, in units of its noise (as the residuals show it).
+struct LinearOutline {
+  BallObservation observation;
+  PathMeasurement in_path;
+  Eigen::Matrix<double, 2, 6 + lens_freedom> by_errors;  // of its camera, as WaveFit::covariance has them
+};
+// By time of exposure; those that project nowhere are left out.
+std::vector<LinearOutline> linear_outlines(const calib::CameraRig& rig,
+                                           const std::vector<BallObservation>& observations, const WaveState& state,
+                                           double radius_m);
 
 }  // namespace huetrack::wave

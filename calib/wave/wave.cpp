@@ -20,6 +20,7 @@
 #include "calib/model/index.h"
 #include "calib/model/median.h"
 #include "calib/solver/bundle_adjustment.h"
+#include "calib/wave/scale.h"
 #include "calib/wave/shape_errors.h"
 #include "calib/wave/similarity.h"
 #include "calib/wave/wave_solution.h"
@@ -191,158 +192,6 @@ Found find_solution(const calib::CameraRig& rig, const std::vector<BallFrame>& f
   best.consider([&] { return from_nothing(rig, frames, options); });
   const bool is_of_rig = of_rig != nullptr && best.found().get() == of_rig;
   return {best.take(), !is_of_rig};
-}
-
-// Mean positions of the two longest rests at different places. throws CalibrationError: there are no two.
-std::array<Vector3d, 2> rests(const WaveSolution& wave) {
-  constexpr double still_m_s = 0.06, least_s = 0.7, window_s = 0.2;
-  struct Rest {
-    double from, to;
-    Vector3d place;
-  };
-  std::vector<Rest> found;
-  const BallPath& path = wave.state().path;
-  std::optional<double> since;
-  const double step = wave.step_s();
-  for (double t = wave.from_s(); t <= wave.to_s() + step; t += step) {
-    const double a = std::max(wave.from_s(), t - window_s / 2), b = std::min(wave.to_s(), t + window_s / 2);
-    const bool still = t <= wave.to_s() && (path.at(b) - path.at(a)).norm() < still_m_s * (b - a);
-    if (still && !since) since = t;
-    if (still || !since) continue;
-    if (t - step - *since >= least_s) {
-      Vector3d sum = Vector3d::Zero();
-      int n = 0;
-      for (double u = *since; u < t; u += step, ++n) sum += path.at(u);
-      found.push_back({*since, t - step, sum / n});
-    }
-    since.reset();
-  }
-  std::ranges::stable_sort(found, [](const Rest& x, const Rest& y) { return x.to - x.from > y.to - y.from; });
-  for (std::size_t i = 1; i < found.size(); ++i) {
-    if ((found[i].place - found[0].place).norm() > 0.1) return {found[0].place, found[i].place};
-  }
-  throw solver::CalibrationError("the ball did not rest at two places (it rested " + std::to_string(found.size()) +
-                                     " times for 0.7 s or longer), so the distance between them cannot set the scale",
-                                 solver::Fault::no_rests);
-}
-
-// Estimated and given positions at the marks.
-struct MarkedPath {
-  std::vector<Vector3d> found, marked;
-};
-
-// throws CalibrationError: too few cameras saw the ball at a mark.
-MarkedPath path_at_marks(const WaveSolution& wave, const std::vector<BallMark>& marks, std::size_t cameras) {
-  const BallTracks tracks = wave.tracks();
-  MarkedPath path;
-  for (const BallMark& mark : marks) {
-    int views = 0;
-    for (std::size_t c = 0; c < cameras; ++c) views += tracks.at(c, mark.t_s) ? 1 : 0;
-    if (views < 2) {
-      throw solver::CalibrationError(fmt::format(
-          "the mark at {:.3f} s: {} saw the ball then (it was seen from {:.3f} to {:.3f} s), and two are needed",
-          mark.t_s, views == 0 ? "no camera" : "only one camera", wave.from_s(), wave.to_s()));
-    }
-    path.found.push_back(wave.state().path.at(mark.t_s));
-    path.marked.push_back(mark.p_world);
-  }
-  return path;
-}
-
-// Scale from the solution to the marks. throws CalibrationError: they are all at one place.
-double scale_of(const MarkedPath& path) {
-  double spread_from = 0, spread_to = 0;
-  for (std::size_t i = 0; i < path.found.size(); ++i) {
-    for (std::size_t k = i + 1; k < path.found.size(); ++k) {
-      spread_from += (path.found[i] - path.found[k]).squaredNorm();
-      spread_to += (path.marked[i] - path.marked[k]).squaredNorm();
-    }
-  }
-  constexpr double least_spread_m2 = 1e-4;  // a centimetre
-  if (!(spread_to > least_spread_m2) || !(spread_from > 0))
-    throw solver::CalibrationError("the marked points are all at one place");
-  return std::sqrt(spread_to / spread_from);
-}
-
-double longest_distance(const std::vector<Vector3d>& points) {
-  double longest = 0;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    for (std::size_t k = i + 1; k < points.size(); ++k) longest = std::max(longest, (points[i] - points[k]).norm());
-  }
-  return longest;
-}
-
-// Scales the solution. Returns the source, without its uncertainty. throws CalibrationError
-WaveScale set_scale(WaveSolution& wave, const calib::CameraRig& rig, const WaveOptions& options) {
-  WaveScale scale;
-  double factor = 1;
-  if (options.camera_distance) {
-    const auto [a, b, metres] = *options.camera_distance;
-    scale = {.source = WaveScale::Source::camera_distance, .a = a, .b = b, .measured_m = metres};
-    factor = metres / (wave.centre(a) - wave.centre(b)).norm();
-  } else if (options.rest_distance_m) {
-    const auto places = rests(wave);
-    scale = {.source = WaveScale::Source::rest_distance, .measured_m = *options.rest_distance_m};
-    factor = *options.rest_distance_m / (places[0] - places[1]).norm();
-  } else if (!options.marks.empty()) {
-    const MarkedPath path = path_at_marks(wave, options.marks, rig.cameras.size());
-    factor = scale_of(path);
-    scale = {
-        .source = WaveScale::Source::marks, .marks = options.marks.size(), .measured_m = longest_distance(path.marked)};
-  } else if (options.has_poses) {
-    scale.source = WaveScale::Source::rig_poses;
-    factor = onto_rig(rig, wave.state(), true).scale;
-  } else {
-    scale.source = WaveScale::Source::ball_size;
-    factor = 1 / wave.size_ratio();  // twice as large: half as far away
-  }
-  Similarity{.scale = factor}.apply(wave.state());
-  return scale;
-}
-
-Vector3d middle_of(const std::vector<BallMark>& marks) {
-  Vector3d middle = Vector3d::Zero();
-  for (const BallMark& mark : marks) middle += mark.p_world / static_cast<double>(marks.size());
-  return middle;
-}
-
-// Aligns the solution with the marks. Returns the largest residual. throws CalibrationError: they are collinear.
-double move_onto_marks(WaveState& state, const std::vector<BallMark>& marks) {
-  std::vector<Vector3d> from, to;
-  for (const BallMark& mark : marks) {
-    from.push_back(state.path.at(mark.t_s));
-    to.push_back(mark.p_world);
-  }
-  const Vector3d mean = middle_of(marks);
-  Matrix3d scatter = Matrix3d::Zero();
-  for (const Vector3d& p : to) scatter += (p - mean) * (p - mean).transpose();
-  const Vector3d axes = Eigen::SelfAdjointEigenSolver<Matrix3d>(scatter).eigenvalues();
-  constexpr double least_breadth2 = 1e-3;  // over the length, squared
-  if (axes[1] < least_breadth2 * axes[2])
-    throw solver::CalibrationError("the marked points lie on one line, which leaves the world free to turn around it");
-  onto_points(from, to).apply(state);
-  double worst = 0;
-  for (std::size_t i = 0; i < to.size(); ++i) worst = std::max(worst, (state.path.at(marks[i].t_s) - to[i]).norm());
-  return worst;
-}
-
-// World frame: of the marks, of the rig, or of the first camera. Sets marks_error_m.
-void set_world(WaveResult& result, WaveSolution& wave, const calib::CameraRig& rig, const WaveOptions& options) {
-  WaveState& state = wave.state();
-  if (options.marks.size() >= 3) {
-    result.marks_error_m = move_onto_marks(state, options.marks);
-  } else if (options.has_poses) {
-    const Similarity by_poses = onto_rig(rig, state, false);
-    (result.rejected_rig_poses ? by_poses : onto_views(rig, state, wave.observations(), options.radius_m, by_poses))
-        .apply(state);
-  } else {
-    // Origin at the first camera, z up in its image.
-    Similarity move;
-    const Matrix3d world_from_cam = (Matrix3d() << 1, 0, 0, 0, 0, 1, 0, -1, 0).finished();
-    move.rotation = world_from_cam * state.cam_from_world[0].rotation.toRotationMatrix();
-    move.translation = -(move.rotation * wave.centre(0));
-    move.apply(state);
-  }
 }
 
 // Sets how the lens that was found differs from the given one.
@@ -567,57 +416,6 @@ Eigen::MatrixXd set_uncertainties(WaveResult& result, const WaveSolution& wave, 
   return covariance;
 }
 
-// Relative uncertainty of the rig's scale, by how far its cameras moved and turned.
-double sigma_of_rig(const WaveResult& result, const WaveSolution& wave) {
-  const std::size_t n = result.cameras.size();
-  double off2 = 0, spread2 = 0, sigma = 0;
-  Vector3d middle = Vector3d::Zero();
-  for (std::size_t c = 0; c < n; ++c) middle += wave.centre(static_cast<int>(c)) / static_cast<double>(n);
-  for (std::size_t c = 0; c < n; ++c) {
-    spread2 += (wave.centre(static_cast<int>(c)) - middle).squaredNorm();
-    off2 += result.cameras[c].moved_m * result.cameras[c].moved_m;
-    sigma = std::max(sigma, result.cameras[c].turned_rad);
-  }
-  return std::max(sigma, std::sqrt(off2 / spread2));
-}
-
-double scale_sigma(const WaveResult& result, const WaveSolution& wave, const WaveOptions& options) {
-  constexpr double tape_m = 0.005;      // 1 sigma of a measured distance
-  constexpr double rest_m = 0.005;      // 1 sigma of the distance of two rests
-  constexpr double of_ball_size = 0.1;  // relative; light, blur and chroma
-  switch (result.scale.source) {
-    case WaveScale::Source::camera_distance:
-      return tape_m / result.scale.measured_m;
-    case WaveScale::Source::rest_distance:
-      return std::hypot(tape_m, rest_m) / result.scale.measured_m;
-    case WaveScale::Source::marks: {
-      const Vector3d middle = middle_of(options.marks);
-      double spread2 = 0;
-      for (const BallMark& mark : options.marks) spread2 += (mark.p_world - middle).squaredNorm();
-      return tape_m / std::sqrt(spread2);
-    }
-    case WaveScale::Source::rig_poses:
-      return sigma_of_rig(result, wave);
-    case WaveScale::Source::ball_size:
-      break;
-  }
-  return of_ball_size;
-}
-
-// Measured scale against that of the rig's own poses.
-void compare_scale(WaveScale& scale, const WaveSolution& wave, const calib::CameraRig& rig) {
-  const Similarity onto = onto_rig(rig, wave.state(), true);
-  scale.over_rig = 1 / onto.scale;
-  Vector3d middle = Vector3d::Zero();
-  for (const calib::Camera& camera : rig.cameras) middle += camera.centre() / static_cast<double>(rig.cameras.size());
-  double off2 = 0, spread2 = 0;
-  for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
-    off2 += (onto * wave.centre(static_cast<int>(c)) - rig.cameras[c].centre()).squaredNorm();
-    spread2 += (rig.cameras[c].centre() - middle).squaredNorm();
-  }
-  scale.rig_sigma = std::sqrt(off2 / spread2);
-}
-
 // throws CalibrationError: a camera is hardly ever consistent with the others.
 void require_agreement(const WaveResult& result) {
   for (std::size_t c = 0; c < result.cameras.size(); ++c) {
@@ -647,9 +445,10 @@ std::vector<std::string> WaveOptions::problems(const calib::CameraRig& rig) cons
   if (rest_distance_m && !(*rest_distance_m > 0)) out.emplace_back("rest_distance_m must be > 0");
   if (hold_poses && (!has_poses || camera_distance || rest_distance_m || !marks.empty()))
     out.emplace_back("poses that are held have their scale: has_poses, and nothing else that sets it");
+  if (g_m_s2 && !(*g_m_s2 > 0)) out.emplace_back("g_m_s2 must be > 0");
+  if (latitude_deg && !(std::abs(*latitude_deg) <= 90)) out.emplace_back("latitude_deg must be -90 to 90");
+  if (ball_kg && !(*ball_kg > 0)) out.emplace_back("ball_kg must be > 0");
   if (marks.size() == 1) out.emplace_back("one marked point sets no scale: give two, or three for the world's frame");
-  if ((camera_distance ? 1 : 0) + (rest_distance_m ? 1 : 0) + (marks.empty() ? 0 : 1) > 1)
-    out.emplace_back("the scale is given more than once: give one of camera distance, rest distance and marks");
   return out;
 }
 
@@ -735,6 +534,33 @@ std::vector<solver::Reason> contradicting_sizes(const calib::CameraRig& rig, con
   return found;
 }
 
+// Scales the solution to metres. Returns the throws. Without a covariance of the fit poses and lenses count as exact.
+std::optional<Throws> set_scale(WaveSolution& wave, const calib::CameraRig& rig, const WaveOptions& options) {
+  std::optional<Throws> throws = find_throws(wave, options);
+  const auto size = (6 + lens_freedom) * static_cast<Eigen::Index>(rig.cameras.size());
+  const Eigen::MatrixXd covariance =
+      wave.fit().covariance.size() > 0 ? wave.fit().covariance : Eigen::MatrixXd(Eigen::MatrixXd::Zero(size, size));
+  Similarity{.scale = weigh_scale(wave, rig, options, throws, covariance).factor}.apply(wave.state());
+  return throws;
+}
+
+// Sets scale, vertical, and what they add to the errors. covariance: without the scale's, see WaveFit.
+void set_scale_errors(WaveResult& result, const WaveSolution& wave, const calib::CameraRig& rig,
+                      const WaveOptions& options, const PlacesErrors& errors, const Eigen::MatrixXd& covariance) {
+  const std::optional<Throws> throws = find_throws(wave, options);
+  const WeighedScale weighed = weigh_scale(wave, rig, options, throws, covariance);
+  result.scale = weighed.scale;
+  const ShapeErrors& places = errors.has_volume() ? *errors.in_volume : errors.along_path;
+  if (throws) result.vertical = vertical_of(*throws, places.alignment.bottomRows<3>(), covariance);
+  const Eigen::MatrixXd in_metres = weighed.of_metres(covariance, wave.state());
+  result.rig.uncertainty = places.uncertainty(result.rig, wave.state(), in_metres, weighed.own_sigma);
+  result.expected_m = errors.along_path.rms(in_metres);
+  result.by_scale_m = weighed.own_sigma * errors.along_path.reach_m;
+  if (!errors.in_volume) return;
+  if (errors.has_volume()) result.expected_in_volume_m = errors.in_volume->rms(in_metres);
+  result.by_scale_in_volume_m = weighed.own_sigma * errors.in_volume->reach_m;
+}
+
 // looks: see contradicting_sizes(). frames: by time.
 WaveResult calibrated(const calib::CameraRig& rig, std::vector<BallFrame>& frames, const WaveOptions& options,
                       std::optional<double>& looks) {
@@ -754,15 +580,12 @@ WaveResult calibrated(const calib::CameraRig& rig, std::vector<BallFrame>& frame
   require_connected(rig, result.pairs);
 
   // The expected size and the smoothness depend on the scale: refined again.
-  if (!options.hold_poses) result.scale = set_scale(wave, rig, options);
+  if (!options.hold_poses) set_scale(wave, rig, options);
   looks = wave.size_ratio();
   wave.refine(WaveSteps::refined_again);
   if (!options.hold_poses) {
-    if (result.scale.measured_m > 0) {
-      result.scale = set_scale(wave, rig, options);
-      if (options.has_poses && !result.rejected_rig_poses) compare_scale(result.scale, wave, rig);
-    }
-    set_world(result, wave, rig, options);
+    wave.settle();
+    set_world(result, wave, rig, options, set_scale(wave, rig, options));
   }
 
   if (options.progress) options.progress("the uncertainties", WaveSteps::settled, WaveSteps::all);
@@ -778,13 +601,7 @@ WaveResult calibrated(const calib::CameraRig& rig, std::vector<BallFrame>& frame
       std::nullopt};
   if (options.volume) errors.in_volume = shape_errors(result.rig, wave.state(), places_in(*options.volume));
   const Eigen::MatrixXd covariance = set_uncertainties(result, wave, rig, errors, options.progress);
-  if (!options.hold_poses) {
-    result.scale.sigma = scale_sigma(result, wave, options);
-    result.rig.uncertainty = (errors.has_volume() ? *errors.in_volume : errors.along_path)
-                                 .uncertainty(result.rig, wave.state(), covariance, result.scale.sigma);
-  }
-  result.by_scale_m = result.scale.sigma * errors.along_path.reach_m;
-  if (errors.in_volume) result.by_scale_in_volume_m = result.scale.sigma * errors.in_volume->reach_m;
+  if (!options.hold_poses) set_scale_errors(result, wave, rig, options, errors, covariance);
   require_agreement(result);
   return result;
 }

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cstddef>
 #include <optional>
 #include <string>
@@ -41,10 +42,15 @@ struct WaveOptions {
   bool has_poses = true;        // the rig's poses are roughly right; otherwise they are not used
   bool hold_poses = false;      // the rig's poses are exact: only the timing is estimated
   bool guessed_lenses = false;  // the rig's lenses are guesses; otherwise a lens is kept unless the ball contradicts it
-  // Source of the scale, at most one of these; none: the rig's poses, or without them the ball's radius (10 %).
+  // Sources of the scale, weighed together with free flights of the ball (where there are some) and its radius (10 %).
+  // Without any of these three the rig's poses count, too.
   std::optional<CameraDistance> camera_distance{};
   std::optional<double> rest_distance_m{};   // > 0; between the two places where the ball rested longest
   std::vector<BallMark> marks{};             // two: scale; three or more, not collinear: the world frame, too
+  std::optional<double> g_m_s2{};            // > 0; gravity; nullopt: by the latitude
+  std::optional<double> latitude_deg{};      // nullopt: anywhere, 0.15 %
+  std::optional<double> ball_kg{};           // > 0; mass of the ball; nullopt: its flights show the drag
+  bool floor = false;                        // the ball rested on the floor, which is z = 0
   std::optional<solver::WorldBox> volume{};  // where positions are wanted: their expected error is computed for it
   solver::Progress progress{};
 
@@ -77,16 +83,33 @@ struct WavePair {
   int shared = 0;  // frames of a at whose time b saw the ball too
 };
 
-struct WaveScale {
-  enum class Source { camera_distance, rest_distance, marks, rig_poses, ball_size };
-  Source source = Source::rig_poses;
+struct ScaleSource {
+  enum class Kind { camera_distance, rest_distance, marks, throws, rig_poses, ball_size };
+  Kind kind = Kind::rig_poses;
   int a = 0, b = 0;       // camera_distance: the cameras
-  std::size_t marks = 0;  // marks: how many
+  std::size_t count = 0;  // of marks or flights
   double measured_m = 0;  // the measured distance, of marks the longest; 0: none
-  double sigma = 0;       // relative
+  double ratio = 1;       // its scale over the one that was taken
+  double sigma = 0;       // relative, with what poses and lenses add
+  double weight = 0;      // of all sources: 1
+};
+
+struct WaveScale {
+  std::vector<ScaleSource> sources;  // the one with most weight first; with hold_poses none
+  double sigma = 0;                  // relative
+  bool is_measured() const {         // by more than the ball's size and the rig's own poses
+    return std::ranges::any_of(sources, [](const ScaleSource& s) { return s.kind < ScaleSource::Kind::rig_poses; });
+  }
   // Of a measured one: the scale over that of the rig's own poses, and the relative uncertainty of those. 1 and 0: the
   // rig had none.
   double over_rig = 1, rig_sigma = 0;
+};
+
+// What the throws say of the vertical.
+struct WaveVertical {
+  double tilt_rad = 0;   // of the world's z axis; 0: it is from the throws
+  double sigma_rad = 0;  // of the vertical, rms
+  std::size_t flights = 0;
 };
 
 // Facts; calib/report/wave_report.h judges them.
@@ -112,9 +135,10 @@ struct WaveResult {
   double halves_m = 0;        // rms difference of positions along the path between the two halves of the recording
   double halves_sigma_m = 0;  // as their covariances predict it
   WaveScale scale;
-  double size_ratio = 1;                // apparent over given radius
-  std::optional<double> marks_error_m;  // largest residual of three or more marks; nullopt: no such marks
-  double jerk_m_s3 = 0;                 // of the waving, estimated
+  std::optional<WaveVertical> vertical;  // nullopt: the ball never flew
+  double size_ratio = 1;                 // apparent over given radius
+  std::optional<double> marks_error_m;   // largest residual of three or more marks; nullopt: no such marks
+  double jerk_m_s3 = 0;                  // of the waving, estimated
   double duration_s = 0;
   Eigen::Vector3d extent_m = Eigen::Vector3d::Zero();  // of the path, along its principal axes, descending
   Eigen::Vector3d path_min = Eigen::Vector3d::Zero(), path_max = Eigen::Vector3d::Zero();  // in the rig's world, metres

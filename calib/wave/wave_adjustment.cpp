@@ -108,39 +108,6 @@ double log_determinant(const Eigen::SparseMatrix<double>& jacobian) {
   return solver.vectorD().array().max(1e-30).log().sum();
 }
 
-// Covariance of gain^T e, for outline errors e of unit variance, correlated within each camera. gain: two rows per
-// observation.
-Eigen::MatrixXd propagated(const Eigen::MatrixXd& gain, const std::vector<BallObservation>& observations,
-                           std::size_t cameras, const OutlineCorrelation& correlation) {
-  const Eigen::Index n = gain.cols();
-  const auto rows = 2 * static_cast<Eigen::Index>(observations.size());
-  Eigen::MatrixXd sum =
-      (1 - correlation.constant_share - correlation.slow_share) * gain.topRows(rows).transpose() * gain.topRows(rows);
-  for (std::size_t c = 0; c < cameras; ++c) {
-    std::vector<std::size_t> own;
-    for (std::size_t i = 0; i < observations.size(); ++i) {
-      if (static_cast<std::size_t>(observations[i].camera) == c) own.push_back(i);
-    }
-    std::ranges::stable_sort(own, {}, [&](std::size_t i) { return observations[i].t_s; });
-    for (const Eigen::Index axis : {0, 1}) {
-      // Sum over all pairs of frames, weighted by exp(-dt / slow_s), recursively.
-      Eigen::VectorXd all = Eigen::VectorXd::Zero(n), left = Eigen::VectorXd::Zero(n);
-      Eigen::MatrixXd pairs = Eigen::MatrixXd::Zero(n, n);
-      double before_s = 0;
-      for (const std::size_t i : own) {
-        const Eigen::VectorXd g = gain.row(2 * static_cast<Eigen::Index>(i) + axis);
-        left *= std::exp((before_s - observations[i].t_s) / correlation.slow_s);
-        before_s = observations[i].t_s;
-        pairs += g * g.transpose() + g * left.transpose() + left * g.transpose();
-        left += g;
-        all += g;
-      }
-      sum += correlation.slow_share * pairs + correlation.constant_share * all * all.transpose();
-    }
-  }
-  return sum;
-}
-
 // Derivative of the estimated poses and times (columns, the `size` parameters of `wanted`) by the residuals (rows),
 // with the path eliminated (Schur complement).
 Eigen::MatrixXd gain_of(ceres::Problem& problem, const std::vector<double*>& wanted, Eigen::Index size,
@@ -462,6 +429,37 @@ class WaveProblem {
 };
 
 }  // namespace
+
+Eigen::MatrixXd propagated(const Eigen::MatrixXd& gain, const std::vector<BallObservation>& observations,
+                           std::size_t cameras, const OutlineCorrelation& correlation) {
+  const Eigen::Index n = gain.cols();
+  const auto rows = 2 * static_cast<Eigen::Index>(observations.size());
+  Eigen::MatrixXd sum =
+      (1 - correlation.constant_share - correlation.slow_share) * gain.topRows(rows).transpose() * gain.topRows(rows);
+  for (std::size_t c = 0; c < cameras; ++c) {
+    std::vector<std::size_t> own;
+    for (std::size_t i = 0; i < observations.size(); ++i) {
+      if (static_cast<std::size_t>(observations[i].camera) == c) own.push_back(i);
+    }
+    std::ranges::stable_sort(own, {}, [&](std::size_t i) { return observations[i].t_s; });
+    for (const Eigen::Index axis : {0, 1}) {
+      // Sum over all pairs of frames, weighted by exp(-dt / slow_s), recursively.
+      Eigen::VectorXd all = Eigen::VectorXd::Zero(n), left = Eigen::VectorXd::Zero(n);
+      Eigen::MatrixXd pairs = Eigen::MatrixXd::Zero(n, n);
+      double before_s = 0;
+      for (const std::size_t i : own) {
+        const Eigen::VectorXd g = gain.row(2 * static_cast<Eigen::Index>(i) + axis);
+        left *= std::exp((before_s - observations[i].t_s) / correlation.slow_s);
+        before_s = observations[i].t_s;
+        pairs += g * g.transpose() + g * left.transpose() + left * g.transpose();
+        left += g;
+        all += g;
+      }
+      sum += correlation.slow_share * pairs + correlation.constant_share * all * all.transpose();
+    }
+  }
+  return sum;
+}
 
 double below_middle(const calib::Camera& camera, const Vector2d& px) {
   return camera.image_size.height > 1 ? px.y() / (camera.image_size.height - 1) - 0.5 : 0;

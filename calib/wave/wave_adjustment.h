@@ -65,6 +65,11 @@ struct OutlineCorrelation {
   double frames_as_one(double frame_s) const;
 };
 
+// Covariance of gain^T e, for outline errors e of unit variance, correlated within each camera. gain: two rows per
+// observation.
+Eigen::MatrixXd propagated(const Eigen::MatrixXd& gain, const std::vector<BallObservation>& observations,
+                           std::size_t cameras, const OutlineCorrelation& correlation);
+
 struct WaveAdjustmentOptions {
   double radius_m = 0.04;  // of the ball: an outline's centre is not the centre's projection
   double loss = 3;         // > 0; Cauchy's, in standard deviations

@@ -268,6 +268,10 @@ std::vector<BallObservation> WaveSolution::observations() const {
   return out;
 }
 
+std::vector<LinearOutline> WaveSolution::linear_outlines() const {
+  return wave::linear_outlines(given_, observations(), state_, options_.radius_m);
+}
+
 void WaveSolution::report_progress(const char* step, int done) const {
   if (options_.progress) options_.progress(step, done, WaveSteps::all);
 }

@@ -6,6 +6,7 @@
 #include <optional>
 #include <vector>
 
+#include "calib/wave/outline_cost.h"
 #include "calib/wave/timing_diagnostics.h"
 #include "calib/wave/wave.h"
 #include "calib/wave/wave_adjustment.h"
@@ -54,6 +55,7 @@ class WaveSolution {
   double size_ratio() const;  // median apparent over expected radius, at the present scale
   BallTracks tracks() const;
   std::vector<BallObservation> observations() const;
+  std::vector<LinearOutline> linear_outlines() const;  // of these, by time
 
   std::vector<TimingDiagnostics> timing() const;                                      // per camera
   void set_wander(std::vector<double> wander_s) { wander_s_ = std::move(wander_s); }  // WaveAdjustmentOptions::wander_s
@@ -69,6 +71,7 @@ class WaveSolution {
   double to_s() const { return to_s_; }
   double frame_s(std::size_t camera) const { return frame_s_[camera]; }  // median interval of its frames
   double step_s() const { return step_s_; }                              // the shortest of those
+  double longest_frame_s() const { return longest_s_; }                  // and the longest
   double jerk_m_s3() const { return jerk_m_s3_; }
 
  private:

@@ -15,6 +15,7 @@
 
 #include "calib/model/rig_yaml.h"
 #include "calib/solver/bundle_adjustment.h"
+#include "wave/throwing.h"
 #include "wave/waving.h"
 
 namespace huetrack::wave {
@@ -450,6 +451,63 @@ TEST(Wave, TwoRestsSetTheScale) {
   EXPECT_LT(off(r.rig, truth).metres, 0.01);
   EXPECT_THAT(failure(truth, waved(truth, {}), options),
               finds(Fault::no_rests, HasSubstr("did not rest at two places")));
+  // It rested on the floor.
+  options.floor = true;
+  const WaveResult r_floor = calibrate_wave(truth, waved(truth, {.seconds = 10, .path = path}), options);
+  const double floor_z = std::min(lissajous(2).z(), lissajous(4.2).z()) - options.radius_m;
+  EXPECT_NEAR(r_floor.rig.cameras[0].centre().z(), truth.cameras[0].centre().z() - floor_z, 0.01);
+  options.has_poses = false;  // two places leave the vertical open
+  EXPECT_THAT(failure(truth, waved(truth, {.seconds = 10, .path = path}), options),
+              finds(Fault::no_rests, HasSubstr("the floor leaves the vertical open")));
+}
+
+double scale_of(const calib::CameraRig& found, const calib::CameraRig& truth) {
+  return (found.cameras[0].centre() - found.cameras[1].centre()).norm() /
+         (truth.cameras[0].centre() - truth.cameras[1].centre()).norm();
+}
+
+WaveResult waved_and_thrown(const calib::CameraRig& truth, const WaveOptions& options) {
+  const ThrownPath path = thrown({.seed = 4, .waved_s = 8});
+  return calibrate_wave(truth, waved(truth, {.seconds = path.seconds(), .offset_s = {0, 0.007, 0.02}, .path = path}),
+                        options);
+}
+
+// Neither tape nor poses: the throws set both.
+TEST(Wave, FiveThrowsSetScaleAndVertical) {
+  const calib::CameraRig truth = rig_of(3);
+  WaveOptions options;
+  options.has_poses = false, options.g_m_s2 = 9.81;
+  const WaveResult r = waved_and_thrown(truth, options);
+  ASSERT_TRUE(r.vertical) << report::to_text(report::report_on(r), r);
+  EXPECT_GE(r.vertical->flights, 6u);
+  EXPECT_EQ(r.scale.sources.front().kind, ScaleSource::Kind::throws);
+  const double error = scale_of(r.rig, truth) - 1;
+  EXPECT_LT(std::abs(error), 0.007);
+  EXPECT_LT(std::abs(error), 3 * r.scale.sigma);
+  EXPECT_LT(r.scale.sigma, 0.007);
+  // The found world's z axis in the first camera, and the true one.
+  const Vector3d up = r.rig.cameras[0].cam_from_world.rotation * Vector3d::UnitZ(),
+                 true_up = truth.cameras[0].cam_from_world.rotation * Vector3d::UnitZ();
+  const double tilt_rad = std::acos(up.dot(true_up));
+  EXPECT_LT(tilt_rad, 0.5 * std::numbers::pi / 180);
+  EXPECT_LT(tilt_rad, 3 * r.vertical->sigma_rad);
+  EXPECT_TRUE(is_usable(r)) << report::to_text(report::report_on(r), r);
+  EXPECT_THAT(report::report_on(r).notes, Contains(StartsWith("the world's z axis is vertical")));
+}
+
+TEST(Wave, NamesATapeThatContradictsTheThrows) {
+  const calib::CameraRig truth = rig_of(3);
+  WaveOptions options = taped(truth);
+  options.has_poses = false, options.g_m_s2 = 9.81;
+  const WaveResult agrees = waved_and_thrown(truth, options);
+  EXPECT_THAT(report::report_on(agrees).doubts, testing::Not(Contains(HasSubstr("contradictory"))));
+  EXPECT_LT(agrees.scale.sigma, 0.002);  // of the tape; surer with the throws
+  EXPECT_GT(agrees.scale.sources.back().weight, -0.01);
+  options.camera_distance->metres *= 1.04;
+  const WaveResult r = waved_and_thrown(truth, options);
+  EXPECT_THAT(report::report_on(r).doubts,
+              Contains(AllOf(HasSubstr("the tape between the cameras says"), HasSubstr("the throws say"))));
+  EXPECT_GT(r.scale.sigma, agrees.scale.sigma);
 }
 
 TEST(Wave, ScaleFromTheRigAloneIsDoubtful) {
@@ -540,7 +598,10 @@ TEST(Wave, RejectsInvalidOptions) {
   EXPECT_FALSE(WaveOptions{.radius_m = 0}.problems(rig).empty());
   EXPECT_FALSE((WaveOptions{.camera_distance = CameraDistance{0, 0, 1}}.problems(rig).empty()));
   EXPECT_FALSE((WaveOptions{.camera_distance = CameraDistance{0, 1, 369.3}}.problems(rig).empty()));
-  EXPECT_FALSE((WaveOptions{.camera_distance = CameraDistance{0, 1, 1}, .rest_distance_m = 1}.problems(rig).empty()));
+  EXPECT_TRUE((WaveOptions{.camera_distance = CameraDistance{0, 1, 1}, .rest_distance_m = 1}.problems(rig).empty()));
+  EXPECT_FALSE(WaveOptions{.g_m_s2 = 0}.problems(rig).empty());
+  EXPECT_FALSE(WaveOptions{.latitude_deg = 91}.problems(rig).empty());
+  EXPECT_FALSE(WaveOptions{.ball_kg = -1}.problems(rig).empty());
   EXPECT_FALSE((WaveOptions{.marks = {{1, {0, 0, 0}}}}.problems(rig).empty()));
   EXPECT_FALSE(WaveOptions{}.problems(rig_of(1)).empty());
 }
