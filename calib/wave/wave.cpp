@@ -584,6 +584,10 @@ WaveResult calibrated(const calib::CameraRig& rig, std::vector<BallFrame>& frame
   looks = wave.size_ratio();
   wave.refine(WaveSteps::refined_again);
   if (!options.hold_poses) {
+    WaveResult rough = result;  // a motion that leaves the poses open is named as such
+    set_fit(rough, wave, wave.observations());
+    measure_path(rough, wave, wave.observations());
+    require_motion(rough);
     wave.settle();
     set_world(result, wave, rig, options, set_scale(wave, rig, options));
   }

@@ -394,7 +394,7 @@ TEST_F(EndToEnd, ARadiusOfTwiceTheSizeIsSaidWhereTheLockIsLate) {
     return run({HUETRACKD, "replay", file, fast.string(), "--no-dds"}).out;
   };
   EXPECT_THAT(replayed("0.08"),
-              HasSubstr("  search  pink: it was found late: what has its colour has the size of a ball"));
+              HasSubstr("  search  pink: it was found late: the pictures of pink show a radius of 0.03 to 0.05 m, not 0.08"));
   EXPECT_THAT(replayed("0.04"), Not(HasSubstr("  search  ")));
 }
 

@@ -114,7 +114,7 @@ TEST_F(Teach, OnePointSuggestsTheOtherAndTheColourThenTracks) {
   std::ofstream(config) << std::string(by_hand).replace(by_hand.find("lime:"), 4, "ball");
   const Result renamed = run({"check", config});
   EXPECT_EQ(renamed.status, 1);
-  EXPECT_THAT(renamed.err, ContainsRegex("huetrackd.taught.yaml:7: targets.lime: .*/huetrackd.yaml has no such target: "
+  EXPECT_THAT(renamed.err, ContainsRegex("huetrackd.taught.yaml:8: targets.lime: .*/huetrackd.yaml has no such target: "
                                          "rename it here too, or take it out of this file\n$"));
 }
 
