@@ -55,7 +55,9 @@ inline void add_calibration_options(CLI::App& command, CalibrationOptions& optio
                                                         {"radtan8", solver::LensModel::radtan8},
                                                         {"fisheye", solver::LensModel::fisheye},
                                                         {"stereographic", solver::LensModel::stereographic}};
-  command.add_option("--lens", options.lens, "the lens model; default: the best in cross-validation over views")
+  command
+      .add_option("--lens", options.lens,
+                  "the lens model; default: the one with the most evidence, an ordinary one if none is clearly better")
       ->transform(CLI::CheckedTransformer(lenses).description(""))
       ->type_name("radtan4|radtan5|radtan8|fisheye|stereographic");
   command.add_option("--every", options.find.every, "process every n-th frame set; default: about 800")

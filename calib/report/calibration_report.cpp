@@ -221,6 +221,7 @@ CalibrationReport base_report(const solver::Adjustment& a, const ReportInput& in
 
 void take_lens(CameraReport& camera, const solver::Intrinsics& lens) {
   camera.lens_was_found = true;
+  camera.lens = lens.trials[lens.chosen].lens;  // the adjustment may have a k3 of 0 that is uncertain
   camera.lens_reason = choice_text(lens);
   camera.trials = lens.trials;
 }

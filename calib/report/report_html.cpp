@@ -139,13 +139,15 @@ std::string lens_table(const CameraReport& camera) {
 std::string trials_table(const CameraReport& camera) {
   if (camera.trials.size() < 2) return {};
   std::string out =
-      "<table><tr><th>lens model</th><th class=n>rms of its views</th><th class=n>corners left out</th><th class=n>rms "
-      "of others, "
-      "edge and all</th><th></th></tr>";
+      "<table><tr><th>lens model</th><th class=n>rms of its views</th><th class=n>corners left out</th><th class=n>log "
+      "evidence</th><th></th></tr>";
+  const double most = std::ranges::max(camera.trials, {}, [](const solver::LensTrial& trial) {
+                        return trial.possible ? trial.log_evidence : -1e300;
+                      }).log_evidence;
   for (const solver::LensTrial& trial : camera.trials) {
     out += fmt::format("<tr><td>{}</td><td class=n>{:.3f}</td><td class=n>{}</td><td class=n>",
                        solver::name(trial.lens), trial.rms_px, trial.left_out);
-    out += trial.held_out_px > 0 ? fmt::format("{:.3f}", trial.held_out_px) : std::string("-");
+    out += trial.possible ? fmt::format("{:.1f}", trial.log_evidence - most) : std::string("-");
     out += "</td><td>" + escaped(trial.possible ? std::string() : with_advice(solver::reasons_of(trial))) +
            (trial.lens == camera.lens ? "<b>chosen</b>" : "") + "</td></tr>";
   }

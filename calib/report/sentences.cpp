@@ -36,29 +36,22 @@ std::string assumed_text(const solver::Extrinsics& result) {
 }  // namespace
 
 std::string choice_text(const solver::Intrinsics& lens) {
-  const solver::LensTrial &chosen = lens.trials.at(lens.chosen), &best = lens.trials.at(lens.best);
-  switch (lens.choice) {
-    case solver::LensChoice::asked_for:
-      break;
-    case solver::LensChoice::too_few_views:
-      return fmt::format("{} views are too few to compare lens models: the simplest one", lens.compared_views);
-    case solver::LensChoice::best:
-      return fmt::format("{} predicts views that it was not fitted to best ({:.3f} px)", solver::name(chosen.lens),
-                         chosen.held_out_px);
-    case solver::LensChoice::closer:
-      return fmt::format(
-          "{} predicts views that it was not fitted to as well ({:.3f} px) as {} ({:.3f} px), and fits all corners "
-          "better",
-          solver::name(chosen.lens), chosen.held_out_px, solver::name(best.lens), best.held_out_px);
-    case solver::LensChoice::simpler:
-      return fmt::format(
-          "{} predicts views that it was not fitted to as well ({:.3f} px) as {} ({:.3f} px), and is simpler",
-          solver::name(chosen.lens), chosen.held_out_px, solver::name(best.lens), best.held_out_px);
-    case solver::LensChoice::together:
-      return fmt::format("{} fits the views of all cameras better than {}, which this camera's own views favour",
-                         solver::name(chosen.lens), solver::name(lens.trials.at(lens.alone).lens));
+  const solver::LensTrial& chosen = lens.trials.at(lens.chosen);
+  if (lens.trials.size() == 1) return fmt::format("{} was asked for", solver::name(chosen.lens));
+  const solver::LensTrial* next = nullptr;
+  for (const solver::LensTrial& trial : lens.trials) {
+    if (&trial == &chosen || !trial.possible) continue;
+    if (next == nullptr || trial.log_evidence > next->log_evidence) next = &trial;
   }
-  return fmt::format("{} was asked for", solver::name(chosen.lens));
+  if (next == nullptr) return fmt::format("{} is the only lens model that fits", solver::name(chosen.lens));
+  const double more = chosen.log_evidence - next->log_evidence;
+  if (more >= 0)
+    return fmt::format("{} explains the views best (log evidence {:.1f} above that of {})", solver::name(chosen.lens),
+                       more, solver::name(next->lens));
+  return fmt::format(
+      "{} is simpler or more usual than {}, which does not explain the views clearly better (log evidence {:.1f} "
+      "above)",
+      solver::name(chosen.lens), solver::name(next->lens), -more);
 }
 
 std::string refinement_text(const solver::Extrinsics& result) {

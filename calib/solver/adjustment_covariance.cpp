@@ -193,17 +193,7 @@ NormalEquations normal_equations(const Adjustment& a, const BoardShape& shape, c
   }
   for (std::size_t c = 0; c < a.cameras.size(); ++c) {
     if (a.lens_offset[c] < 0 || !a.cameras[c].lens_is_free) continue;
-    for (const LensRegularizer& belief : lens_regularizers(a.cameras[c])) {
-      const int at = a.lens_offset[c] + belief.parameter;
-      const double weight = regularizer_px / belief.sigma, off = weight * a.cameras[c].parameters(belief.parameter);
-      equations.information(at, at) += weight * weight;
-      equations.cost += off * off;
-      ++equations.residuals;
-    }
-  }
-  for (std::size_t c = 0; c < a.cameras.size(); ++c) {
-    if (a.lens_offset[c] < 0 || !a.cameras[c].lens_is_free || !a.cameras[c].lens_prior) continue;
-    const LensPrior& prior = *a.cameras[c].lens_prior;
+    const LensPrior prior = lens_prior(a.cameras[c]);
     const Eigen::Index at = a.lens_offset[c], count = prior.information.rows();
     const MatrixXd weight = a.noise_px * a.noise_px * prior.information;
     const VectorXd off = (a.cameras[c].parameters - prior.mean).head(count);

@@ -154,11 +154,7 @@ void free_lens(ceres::Problem& problem, const AdjustedCamera& camera, double noi
   std::vector<int> fixed;
   for (int i = parameter_count(camera.lens); i < 12; ++i) fixed.push_back(i);
   if (!fixed.empty()) problem.SetManifold(lens, new ceres::SubsetManifold(12, fixed));
-  for (const LensRegularizer& belief : lens_regularizers(camera))
-    problem.AddResidualBlock(prior_cost(12, belief.parameter, {0.0}, {regularizer_px / belief.sigma}).release(),
-                             nullptr, lens);
-  if (camera.lens_prior)
-    problem.AddResidualBlock(lens_prior_cost(*camera.lens_prior, noise_px).release(), nullptr, lens);
+  problem.AddResidualBlock(lens_prior_cost(lens_prior(camera), noise_px).release(), nullptr, lens);
   if (camera.unfold > 0)
     problem.AddResidualBlock(lens_shape_cost(camera.lens, reach_of(camera), camera.unfold).release(), nullptr, lens);
 }

@@ -12,15 +12,9 @@ namespace huetrack::solver {
 // the plane z = 1; fisheye: angle; stereographic: radius on that projection.
 double reach_of(const AdjustedCamera& camera);
 
-// Zero-mean prior on a lens coefficient, so that coefficients that the views do not determine do not cancel one
-// another. A few dozen corners outweigh it.
-struct LensRegularizer {
-  int parameter = 0;
-  double sigma = 1;  // about 0
-};
-std::vector<LensRegularizer> lens_regularizers(const AdjustedCamera& camera);
-// Residual of one standard deviation, as of one corner's error per axis.
-inline constexpr double regularizer_px = 0.1;
+// Of a free lens: the camera's own (AdjustedCamera::lens_prior), or that of webcams and action cameras (usual_lens.h),
+// of which the focal length's mean is the present one.
+LensPrior lens_prior(const AdjustedCamera& camera);
 
 // A rational lens with a smaller denominator hides a pole behind a zero of the numerator.
 inline constexpr double least_denominator = 0.2;

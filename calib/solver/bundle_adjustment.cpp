@@ -201,8 +201,7 @@ Adjustment adjust(Adjustment a, const AdjustmentOptions& options) {
   const bool with_motion = !a.motions.empty();
   // Known motions are those of a former adjustment.
   const bool is_near = std::ranges::any_of(a.motions, &BoardMotion::is_known);
-  const bool with_lens_prior = std::ranges::any_of(
-      a.cameras, [](const AdjustedCamera& camera) { return camera.lens_is_free && camera.lens_prior; });
+  const bool with_lens_prior = std::ranges::any_of(a.cameras, &AdjustedCamera::lens_is_free);
   // Relative tolerances of the cost, of which one corner is some 1e-5. `roughly`: where another solution follows.
   constexpr double exactly = 1e-10, well = 1e-8, roughly = 1e-6;
   // Priors are scaled by the corners' noise.
@@ -253,7 +252,12 @@ Adjustment adjust(Adjustment a, const AdjustmentOptions& options) {
                         : is_settled ? well
                                      : roughly});
     measure(a, shape);
-    const bool weights_changed = options.find_outliers && weigh_cameras(a);
+    // The solution before may have been far off, and the priors too strong.
+    constexpr double settled_share = 0.2;
+    const double noise_px = std::max(robust_sigma(a), least_noise_px);
+    const bool priors_changed =
+        with_lens_prior && !with_motion && std::abs(noise_px - a.noise_px) > settled_share * noise_px;
+    const bool weights_changed = (options.find_outliers && weigh_cameras(a)) || priors_changed;
     if ((!options.find_outliers || !classify(a, options)) && !weights_changed && is_settled) break;
   }
   double sum = 0;

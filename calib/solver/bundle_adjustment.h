@@ -49,7 +49,8 @@ struct AdjustedCamera {
   bool lens_is_free = true;  // otherwise the intrinsics are held
   // Covariance of held intrinsics, parameter_count() square; empty: exact. It is propagated into the result's.
   Eigen::MatrixXd lens_covariance;
-  std::optional<LensPrior> lens_prior;  // of free intrinsics
+  // Of free intrinsics that were given. nullopt: as lenses of webcams and action cameras are (calib::usual_lens).
+  std::optional<LensPrior> lens_prior;
   // Standard deviation of its corners over Adjustment::noise_px. Set by adjust(); 1 unless clearly noisier than most
   // cameras (out of focus).
   double relative_noise = 1;

@@ -506,58 +506,6 @@ std::optional<Adjustment> with_given_lenses(Extrinsics& result, const Adjustment
   return a;
 }
 
-// All corners used; noise per camera.
-double minus_two_log_likelihood(const Adjustment& a) {
-  double sum = 0;
-  for (const BoardView& view : a.views) {
-    const double sigma = a.noise_px * a.cameras[static_cast<std::size_t>(view.camera)].relative_noise;
-    sum += 2 * 2 * static_cast<double>(view.px.size()) * std::log(sigma);
-  }
-  return sum;
-}
-
-// Decides between nearly equivalent lens models (choice and rival) by the views of all cameras. start: with the models
-// chosen camera by camera; returned with those that fit better. is_rival: set, per camera.
-Adjustment with_models_decided(const Extrinsics& result, Adjustment start, std::vector<bool>& is_rival) {
-  const auto has_rival = [&](std::size_t c) {
-    return result.lenses[c] && result.lenses[c]->rival && start.cameras[c].lens_is_free;
-  };
-  is_rival.assign(start.cameras.size(), false);
-  for (std::size_t c = 0; c < is_rival.size(); ++c) is_rival[c] = has_rival(c);
-  if (std::ranges::count(is_rival, true) == 0) return start;
-  // Few iterations, the same corners for both.
-  constexpr AdjustmentOptions glance{.find_outliers = false, .max_iterations = 20};
-  Adjustment best = start;
-  best.views = inliers(start);
-  best.stamp_error_s = stamp_errors_of_inliers(start);
-  best = adjust(std::move(best), glance);
-  const double residuals = 2.0 * best.corners_used;
-  for (std::size_t c = 0; c < is_rival.size(); ++c) {
-    if (!is_rival[c]) continue;
-    is_rival[c] = false;
-    const LensModel model = result.lenses[c]->trials[*result.lenses[c]->rival].lens;
-    Adjustment trial = best;
-    trial.cameras[c] = start_like(best.cameras[c], model);
-    try {
-      trial = adjust(std::move(trial), glance);
-    } catch (const CalibrationError&) {
-      continue;
-    }
-    // BIC.
-    const int more = parameter_count(model) - parameter_count(best.cameras[c].lens);
-    const double gain = minus_two_log_likelihood(best) - minus_two_log_likelihood(trial);
-    if (!is_sound(trial.cameras[c]) || gain < more * std::log(residuals)) continue;
-    is_rival[c] = true;
-    best = std::move(trial);
-  }
-  if (std::ranges::count(is_rival, true) == 0) return start;
-  start.cameras = std::move(best.cameras);
-  start.world_from_board = std::move(best.world_from_board);
-  start.motions = std::move(best.motions);
-  start.motion_prior = best.motion_prior;
-  return start;
-}
-
 // The joint adjustment, with lenses by options.refine_lens. found: per camera: its lens is estimated from these views,
 // not given. Sets adjustment, refinement and board_is_warped.
 void refine(Extrinsics& result, const Adjustment& placed, const ExtrinsicsOptions& options,
@@ -586,16 +534,9 @@ void refine(Extrinsics& result, const Adjustment& placed, const ExtrinsicsOption
                    : take(std::move(held), LensRefinement::kept_as_given);
   }
   if (options.progress) options.progress("the joint adjustment, with the lenses", 1, 3);
-  std::vector<bool> is_rival;
-  const Adjustment refined = adjust_unfolded(with_models_decided(result, freed(held), is_rival), options.adjustment);
+  const Adjustment refined = adjust_unfolded(freed(held), options.adjustment);
   take(refined, LensRefinement::refined);
   const bool in_step = is_in_step(result.adjustment, result.alone_px, placed);
-  for (std::size_t c = 0; in_step && c < is_rival.size(); ++c) {
-    if (!is_rival[c]) continue;
-    Intrinsics& lens = *result.lenses[c];
-    lens.alone = std::exchange(lens.chosen, *lens.rival);
-    lens.choice = LensChoice::together;
-  }
   // Estimated lenses first: given ones must not absorb their errors.
   if (auto all = with_given_lenses(result, placed, in_step ? refined : held, options, found))
     return take(std::move(*all), LensRefinement::given_refined);
@@ -640,10 +581,48 @@ void state_as_open(Adjustment& held, const Adjustment& open) {
   set_time_sigmas(held);
 }
 
+// Where k1, k2, p1, p2 explain a camera's views, k3 may still not be 0 where no corner was: the covariance averages
+// over both models by their probabilities (Bayesian model averaging). Those cameras become radtan5, with k3 as it is:
+// 0.
+void state_missing_k3(Adjustment& a, const std::vector<std::optional<Intrinsics>>& lenses) {
+  Adjustment open = a;
+  open.views = inliers(a);
+  open.stamp_error_s = stamp_errors_of_inliers(a);
+  double most_likely = 0;
+  for (std::size_t c = 0; c < a.cameras.size(); ++c) {
+    if (!lenses[c] || !a.cameras[c].lens_is_free || a.cameras[c].lens != LensModel::radtan4) continue;
+    const double likely = probability_of_k3(*lenses[c]);
+    if (likely > 0) open.cameras[c].lens = LensModel::radtan5;
+    most_likely = std::max(most_likely, likely);
+  }
+  if (most_likely == 0) return;
+  try {
+    open = adjust(std::move(open), {.find_outliers = false, .max_iterations = 20});
+  } catch (const CalibrationError&) {
+    return;
+  }
+  const MatrixXd without = a.covariance;
+  std::vector<Eigen::Index> at(index(static_cast<int>(without.rows())));  // of `without` in the other
+  const auto place = [&](int from, int to, int count) {
+    for (int i = 0; from >= 0 && i < count; ++i) at[index(from + i)] = to + i;
+  };
+  for (std::size_t c = 0; c < a.cameras.size(); ++c) {
+    place(a.lens_offset[c], open.lens_offset[c], parameter_count(a.cameras[c].lens));
+    place(a.pose_offset[c], open.pose_offset[c], 6);
+    place(a.time_offset[c], open.time_offset[c], 2);
+    a.cameras[c].lens = open.cameras[c].lens;
+  }
+  state_as_open(a, open);
+  a.covariance *= most_likely;
+  a.covariance(at, at) += (1 - most_likely) * without;
+  set_time_sigmas(a);
+}
+
 // Consistency checks: halves, and kept given lenses. Both widen the covariance.
 void check_itself(Extrinsics& result, const std::vector<bool>& found) {
   Adjustment& held = result.adjustment;
   result.moved_within = find_moved_within(held);
+  state_missing_k3(held, result.lenses);
   std::optional<Adjustment> open = with_open_lenses(held, found);
   result.halves = compare_halves(open ? *open : held);
   widen_by(open ? *open : held, result.halves);
@@ -719,6 +698,9 @@ LensOfCamera lens_of(const board::Board& board, const CameraToCalibrate& given, 
       lens.check = check_lens(board, lens.camera, views);
       lens.alone_px = lens.check->refined.noise_px;
     }
+    // A k3 of 0 may be uncertain.
+    if (lens.camera.lens == LensModel::radtan4 && given.lens_covariance.rows() == parameter_count(LensModel::radtan5))
+      lens.camera.lens = LensModel::radtan5;
     if (given.lens_covariance.rows() == parameter_count(lens.camera.lens))
       lens.camera.lens_covariance = given.lens_covariance;
     return lens;

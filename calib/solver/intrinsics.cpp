@@ -1,5 +1,6 @@
 #include "calib/solver/intrinsics.h"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -101,66 +102,6 @@ double robust_square(double length, double sigma) {
   return l < from ? l * l : from * (2 * l - from);
 }
 
-// Weights of corners, sum 1: every part of the image counts the same, since the few corners at its edge discriminate
-// between lenses.
-std::vector<std::vector<double>> weights_by_place(const std::vector<BoardView>& views, calib::ImageSize size) {
-  constexpr int least_corners = 8;  // parts with fewer count less
-  std::array<int, ImageStations::count> corners{};
-  for (const BoardView& view : views) {
-    for (const auto& px : view.px) ++corners[static_cast<std::size_t>(ImageStations::cell_of(px, size))];
-  }
-  std::vector<std::vector<double>> weights;
-  double sum = 0;
-  for (const BoardView& view : views) {
-    weights.emplace_back();
-    for (const auto& px : view.px) {
-      const int others = corners[static_cast<std::size_t>(ImageStations::cell_of(px, size))];
-      weights.back().push_back(1.0 / std::max(least_corners, others));
-      sum += weights.back().back();
-    }
-  }
-  for (auto& of_view : weights) {
-    for (double& weight : of_view) weight /= sum;
-  }
-  return weights;
-}
-
-// Robust weighted sum of squares over all corners of a view, for the best board pose; corners outside the lens model
-// are gross errors.
-double view_error(const board::Board& board, const AdjustedCamera& camera, const BoardView& view,
-                  const std::vector<double>& weights, double sigma) {
-  const auto poses = board_poses(board, view, camera.lens, camera.parameters);
-  constexpr double nowhere_px = 1e3;
-  double sum = 0;
-  for (std::size_t k = 0; k < view.ids.size(); ++k) {
-    Eigen::Vector2d px;
-    const bool seen =
-        !poses.empty() && project(camera.lens, camera.parameters,
-                                  poses.front().cam_from_board * board.point(view.ids[k]), px, nullptr, nullptr);
-    sum += weights[k] * robust_square(seen ? (px - view.px[k]).norm() : nowhere_px, sigma);
-  }
-  return sum;
-}
-
-// Cross-validation: contribution of every view to the robust, weighted mean square under a lens fitted to other views.
-std::vector<double> held_out_errors(const board::Board& board, const AdjustedCamera& camera,
-                                    const std::vector<BoardView>& views, double sigma) {
-  constexpr std::size_t folds = 5;
-  const auto weights = weights_by_place(views, camera.image_size);
-  std::vector<double> errors(views.size());
-  for (std::size_t fold = 0; fold < folds; ++fold) {
-    std::vector<BoardView> training;
-    for (std::size_t v = 0; v < views.size(); ++v) {
-      if (v % folds != fold) training.push_back(views[v]);
-    }
-    const Adjustment fit = adjust(posed(board, camera, training),
-                                  {.find_outliers = false, .max_iterations = 25, .with_covariance = false});
-    for (std::size_t v = fold; v < views.size(); v += folds)
-      errors[v] = view_error(board, fit.cameras.front(), views[v], weights[v], sigma);
-  }
-  return errors;
-}
-
 // Standard deviation of a corner, by the fit with the smallest median.
 double sigma_of(const std::vector<LensTrial>& trials, const std::vector<Adjustment>& fits) {
   constexpr double median_length_of_sigma = 1.18, least_px = 0.02;
@@ -223,13 +164,13 @@ TrialFit try_lens(const board::Board& board, AdjustedCamera start, const std::ve
   Adjustment fit = adjust(posed(board, start, views), options);
   const auto folds = [&] { return !is_sound(fit.cameras.front()); };
   const double free_rms = fit.rms_px;
-  for (const double weight : {1.0, 10.0, 100.0, 100.0, 1000.0}) {
+  for (const double weight : {1.0, 10.0, 100.0, 100.0, 1000.0, 1000.0, 1e4}) {
     if (!folds()) break;
     fit.cameras.front().unfold = weight;
     fit = adjust(std::move(fit), options);
   }
   constexpr double as_well = 1.01;  // ratio to the fit without the penalty; tolerance of the solver
-  LensTrial trial{start.lens, true, LensFault::none, fit.rms_px, 0, 0, {}};
+  LensTrial trial{.lens = start.lens, .rms_px = fit.rms_px, .error = {}};
   trial.left_out = corners_in(fit.views) - fit.corners_used;
   trial.fault = folds() ? LensFault::folds : fit.rms_px > as_well * free_rms ? LensFault::fits_folded : LensFault::none;
   return {trial, std::move(fit)};
@@ -346,94 +287,59 @@ std::optional<Adjustment> first_glance(const board::Board& board, const Adjusted
   return glance_at(board, start, views);
 }
 
-// By more than one standard error of the sum of the views' differences.
-bool is_clearly_worse(const std::vector<double>& errors, const std::vector<double>& than) {
-  const auto n = static_cast<double>(errors.size());
-  const double mean = (sum(errors) - sum(than)) / n;
-  double squares = 0;
-  for (std::size_t v = 0; v < errors.size(); ++v) squares += std::pow(errors[v] - than[v] - mean, 2);
-  return !(n * mean < std::sqrt(squares * n / (n - 1)));
-}
-
 using ReportLens = std::function<void(const char* step, LensModel lens)>;
 
-// Model selection by cross-validation, on the inliers of the best-fitting model: a model that is too simple must not
-// benefit from rejecting the image's corners. Sets choice, chosen, best, compared_views.
-void choose_lens(Intrinsics& result, const board::Board& board, const std::string& camera,
-                 const std::vector<Adjustment>& fits, int corners, const ReportLens& report_progress) {
+// Log of the marginal likelihood of all corners (Laplace's approximation), but for what all models have in common: the
+// likelihood at the maximum, the prior there, and how much smaller the posterior's volume is than the prior's.
+// Decentring and prism do not count in the volume: a model without them has the same real lenses, whose decentring it
+// neglects.
+double log_evidence(const Adjustment& fit, double sigma, int corners) {
+  const AdjustedCamera& camera = fit.cameras.front();
+  const LensPrior prior = lens_prior(camera);
+  std::vector<Eigen::Index> counted;
+  for (int i = 0; i < parameter_count(camera.lens); ++i) {
+    if (!is_sideways(camera.lens, i)) counted.push_back(i);
+  }
+  const Eigen::MatrixXd whiten = prior.information.llt().matrixU(), whiten_counted = whiten(counted, counted);
+  const Eigen::VectorXd off = whiten * (camera.parameters - prior.mean).head(whiten.cols());
+  const Eigen::MatrixXd posterior =
+      whiten_counted * Eigen::MatrixXd(fit.covariance(counted, counted)) * whiten_counted.transpose();
+  const double log_volume = posterior.selfadjointView<Eigen::Lower>().eigenvalues().array().max(1e-300).log().sum() / 2;
+  return -all_corners(fit, sigma, corners) / (2 * sigma * sigma) - off.squaredNorm() / 2 + log_volume;
+}
+
+// Log odds of a model after the views, but for a constant.
+double odds_of(const LensTrial& trial) {
+  const auto place = std::ranges::find(all_lens_models, trial.lens) - all_lens_models.begin();
+  const auto steps = static_cast<double>(std::min<std::ptrdiff_t>(place, 3));  // radtan8 and stereographic: alike
+  return trial.log_evidence - steps * clearly_more_evidence;
+}
+
+// Sets log_evidence of the trials, and chosen.
+void choose_lens(Intrinsics& result, const std::string& camera, const std::vector<Adjustment>& fits, int corners) {
   std::vector<LensTrial>& trials = result.trials;
   const double sigma = sigma_of(trials, fits);
-  const std::size_t closest = closest_fit(trials, fits, sigma, corners);
-  if (closest == fits.size())
-    throw CalibrationError(after("camera " + camera + ": no lens model fits the views: ", reasons_of(trials.front())));
-  constexpr std::size_t most_views = 40, least_views = 8;
-  const auto good = spread_over(inliers(fits[closest]), most_views);
-  result.compared_views = good.size();
-  if (good.size() < least_views) {
-    result.choice = LensChoice::too_few_views;
-    result.chosen = result.best = trials.front().possible ? 0 : closest;
-    return;
-  }
-  std::vector<std::vector<double>> errors(fits.size());
-  std::size_t best = fits.size();
+  result.chosen = fits.size();
   for (std::size_t i = 0; i < fits.size(); ++i) {
-    report_progress("cross-validating ", trials[i].lens);
-    // A model with twice the residuals of the fit cannot predict better.
-    constexpr double hopeless = 2;
-    if (!trials[i].possible ||
-        all_corners(fits[i], sigma, corners) > hopeless * all_corners(fits[closest], sigma, corners))
-      continue;
-    try {
-      errors[i] = held_out_errors(board, fits[i].cameras.front(), good, sigma);
-    } catch (const CalibrationError& error) {
-      trials[i].possible = false;
-      trials[i].fault = LensFault::unsolved;
-      trials[i].error = error.reasons();
-      continue;
-    }
-    trials[i].held_out_px = std::sqrt(sum(errors[i]));
-    if (best == fits.size() || sum(errors[i]) < sum(errors[best])) best = i;
+    if (!trials[i].possible) continue;
+    trials[i].log_evidence = log_evidence(fits[i], sigma, corners);
+    if (result.chosen == fits.size() || odds_of(trials[i]) > odds_of(trials[result.chosen])) result.chosen = i;
   }
-  if (best == fits.size())
-    throw CalibrationError("camera " + camera + ": no lens model can be fitted to four fifths of the views");
-  // The simplest model with equal prediction and equal fit by BIC: few views reach the image's edge, where prediction
-  // errors are not significant but the fit of all corners is. The richest model is regularised.
-  const auto fits_as_well = [&](std::size_t i, std::size_t as) {
-    const double excess =
-        (all_corners(fits[i], sigma, corners) - all_corners(fits[as], sigma, corners)) / (sigma * sigma);
-    const int more = parameter_count(trials[as].lens) - parameter_count(trials[i].lens);
-    return excess < std::max(1, more) * std::log(2.0 * fits[as].corners_used);
-  };
-  result.chosen = result.best = best;
-  const auto name_rival = [&] {
-    constexpr double nearly = 1.01;  // ratio of residuals
-    double least = std::numeric_limits<double>::infinity();
-    for (std::size_t i = 0; i < fits.size(); ++i) {
-      if (i == result.chosen || errors[i].empty()) continue;
-      const double left = all_corners(fits[i], sigma, corners);
-      if (left > least || (i != best && left > nearly * all_corners(fits[closest], sigma, corners))) continue;
-      least = left;
-      result.rival = i;
-    }
-  };
-  if (!errors[closest].empty() && !is_clearly_worse(errors[closest], errors[best]) && !fits_as_well(best, closest)) {
-    result.chosen = closest;
-    result.choice = LensChoice::closer;
-    return name_rival();
-  }
-  for (std::size_t i = 0; i < best; ++i) {
-    const bool is_simpler = parameter_count(trials[i].lens) < parameter_count(trials[best].lens);
-    if (!trials[i].possible || errors[i].empty() || !is_simpler) continue;
-    if (!is_clearly_worse(errors[i], errors[best]) && fits_as_well(i, closest) && fits_as_well(i, best)) {
-      result.chosen = i;
-      break;
-    }
-  }
-  result.choice = result.chosen == best ? LensChoice::best : LensChoice::simpler;
-  name_rival();
+  if (result.chosen == fits.size())
+    throw CalibrationError(after("camera " + camera + ": no lens model fits the views: ", reasons_of(trials.front())));
 }
 
 }  // namespace
+
+double probability_of_k3(const Intrinsics& lens) {
+  const auto tried = [&](LensModel model) {
+    const auto trial = std::ranges::find(lens.trials, model, &LensTrial::lens);
+    return trial == lens.trials.end() || !trial->possible ? nullptr : &*trial;
+  };
+  const LensTrial *without = tried(LensModel::radtan4), *with = tried(LensModel::radtan5);
+  if (without == nullptr || with == nullptr) return 0;
+  return 1 / (1 + std::exp(without->log_evidence - with->log_evidence));
+}
 
 AdjustedCamera start_like(const AdjustedCamera& fitted, LensModel lens) {
   AdjustedCamera start = fitted;
@@ -497,7 +403,7 @@ Intrinsics calibrate_intrinsics(const board::Board& board, const std::string& na
   int done = 0;
   const ReportLens report_progress = [&](const char* step, LensModel lens) {
     if (options.progress) {
-      options.progress(step + std::string(solver::name(lens)), done, static_cast<int>(3 * candidates.size()));
+      options.progress(step + std::string(solver::name(lens)), done, static_cast<int>(2 * candidates.size()));
     }
     ++done;
   };
@@ -559,7 +465,7 @@ Intrinsics calibrate_intrinsics(const board::Board& board, const std::string& na
     result.trials.push_back(tried.trial);
     fits.push_back(std::move(tried.fit));
   }
-  if (!options.lens) choose_lens(result, board, name, fits, corners_in(views), report_progress);
+  if (!options.lens) choose_lens(result, name, fits, corners_in(views));
   result.adjustment = std::move(fits[result.chosen]);
   return result;
 }

@@ -24,6 +24,11 @@ std::string_view name(LensModel lens);                       // "radtan4", ..., 
 int parameter_count(LensModel lens);                         // leading ones of LensParameters
 std::string_view parameter_name(LensModel lens, int index);  // "fx", ..., "k6"
 
+// Decentring (p1, p2) or prism (s1, s2).
+inline bool is_sideways(LensModel lens, int index) {
+  return lens != LensModel::fisheye && (index == 6 || index == 7 || (lens == LensModel::stereographic && index >= 10));
+}
+
 calib::CameraModel camera_model(LensModel lens, const LensParameters& parameters);
 using calib::parameters_of;
 LensModel lens_model_of(const calib::CameraModel& model);  // the simplest with all its coefficients

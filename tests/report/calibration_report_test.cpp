@@ -162,23 +162,18 @@ TEST(Sentences, SayWhatTheSolversFound) {
             "by its views camera left has a focal length of 600.1 px (+- 0.5), not 620.0 px as given");
 
   solver::Intrinsics lens;
-  lens.trials = {{.lens = solver::LensModel::radtan4, .held_out_px = 0.101, .error = {}},
-                 {.lens = solver::LensModel::radtan5, .held_out_px = 0.1, .error = {}}};
+  lens.trials = {{.lens = solver::LensModel::radtan4, .log_evidence = -1010, .error = {}}};
   EXPECT_EQ(choice_text(lens), "radtan4 was asked for");
-  lens.choice = solver::LensChoice::simpler;
-  lens.best = 1;
+  lens.trials.push_back({.lens = solver::LensModel::radtan5, .log_evidence = -1012.5, .error = {}});
+  EXPECT_EQ(choice_text(lens), "radtan4 explains the views best (log evidence 2.5 above that of radtan5)");
+  lens.trials.push_back({.lens = solver::LensModel::fisheye, .log_evidence = -1007, .error = {}});
   EXPECT_EQ(
       choice_text(lens),
-      "radtan4 predicts views that it was not fitted to as well (0.101 px) as radtan5 (0.100 px), and is simpler");
-  lens.choice = solver::LensChoice::best;
-  lens.chosen = 1;
-  EXPECT_EQ(choice_text(lens), "radtan5 predicts views that it was not fitted to best (0.100 px)");
-  lens.choice = solver::LensChoice::together;
-  EXPECT_EQ(choice_text(lens),
-            "radtan5 fits the views of all cameras better than radtan4, which this camera's own views favour");
-  lens.choice = solver::LensChoice::too_few_views;
-  lens.compared_views = 7;
-  EXPECT_EQ(choice_text(lens), "7 views are too few to compare lens models: the simplest one");
+      "radtan4 is simpler or more usual than fisheye, which does not explain the views clearly better (log evidence "
+      "3.0 above)");
+  lens.trials[2].possible = false;
+  lens.trials[1].possible = false;
+  EXPECT_EQ(choice_text(lens), "radtan4 is the only lens model that fits");
 
   solver::Extrinsics cameras;
   EXPECT_EQ(refinement_text(cameras), "the lenses stay as they were given");

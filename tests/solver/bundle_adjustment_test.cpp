@@ -16,13 +16,14 @@ namespace {
 
 using testing::HasSubstr;
 
+// Up to what the prior of lenses weighs against corners of 0.01 px, the least noise that is assumed.
 TEST(BundleAdjustment, FindsTheTruthFromExactCorners) {
   const SyntheticCapture capture = synthetic_capture({.noise_px = 0});
   const Adjustment found = adjust(near_truth(capture));
-  EXPECT_LT(found.rms_px, 1e-6);
+  EXPECT_LT(found.rms_px, 1e-5);
   for (std::size_t c = 0; c < found.cameras.size(); ++c) {
     const calib::Camera& truth = capture.rig.cameras[c];
-    EXPECT_LT((found.cameras[c].parameters - parameters_of(truth.model)).norm(), 1e-4);
+    EXPECT_LT((found.cameras[c].parameters - parameters_of(truth.model)).norm(), 1e-3);
     EXPECT_LT(calib::log(found.cameras[c].cam_from_world * calib::inverse(truth.cam_from_world)).norm(), 1e-6);
   }
 }

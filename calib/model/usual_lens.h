@@ -1,0 +1,18 @@
+// What lenses of webcams and action cameras are like, as standard deviations: the prior wherever a lens is estimated.
+#pragma once
+
+namespace huetrack::calib {
+
+// From some 25 published calibrations of webcams and small cameras with fields of view of 40 to 110 degrees
+// (camera_info files of ROS users, Caliscope's webcams, Kinect 2, phones; calib/solver/EXPERIMENTS.md): root mean
+// squares, and of decentring the largest. They contain those calibrations' own errors, and so are rather too wide.
+struct UsualLensTuning {
+  double log_focal = 0.25;         // fields of view of 40 to 90 degrees
+  double centre_share = 0.016;     // of the width: principal point from the middle, each axis
+  double log_aspect = 0.003;       // fx over fy
+  double radial_share = 0.2;       // of the radius at half the diagonal over the focal length, by each of k1, k2, k3
+  double decentring_share = 5e-3;  // the same by p1, p2
+};
+inline constexpr UsualLensTuning usual_lens;
+
+}  // namespace huetrack::calib
