@@ -131,7 +131,8 @@ TEST(CalibrationReport, NamesAspectOverlapAndBoardsSeenFromBehind) {
   const CalibrationReport report = report_on(calibrated(squeezed), {});
   EXPECT_THAT(report.checks, speaks_against(Verdict::doubtful, "aspect ratio of cam1"));
   EXPECT_THAT(report.checks, speaks_against(Verdict::doubtful, "overlap of cam0 and cam1"));
-  // The lens by itself is then not known better than its pixels are square.
+  // The lens by itself is then not known better than its pixels are square; seven views leave part of the 4 % to the
+  // prior of square pixels.
   std::vector<solver::BoardView> own;
   for (solver::BoardView& view : squeezed.views) {
     if (view.camera != 1) continue;
@@ -140,7 +141,7 @@ TEST(CalibrationReport, NamesAspectOverlapAndBoardsSeenFromBehind) {
   }
   const solver::Adjustment alone =
       solver::calibrate_intrinsics(capture.board, "cam1", {640, 480}, own, one_lens).adjustment;
-  EXPECT_GT(alone.lens_sigma(0).head<2>().norm(), 0.02 * alone.cameras[0].parameters(0));
+  EXPECT_GT(alone.lens_sigma(0).head<2>().norm(), 0.015 * alone.cameras[0].parameters(0));
   // As if the solution had put a camera behind the boards.
   solver::Extrinsics behind = calibrated(capture);
   solver::Adjustment& a = behind.adjustment;
