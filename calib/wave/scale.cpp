@@ -362,8 +362,7 @@ void set_world(WaveResult& result, WaveSolution& wave, const calib::CameraRig& r
     result.marks_error_m = move_onto_marks(state, options.marks);
   } else if (options.has_poses) {
     const Similarity by_poses = onto_rig(rig, state, false);
-    (result.rejected_rig_poses ? by_poses
-                               : onto_views(rig, state, wave.observations(), options.radius_m, by_poses))
+    (result.rejected_rig_poses ? by_poses : onto_views(rig, state, wave.observations(), options.radius_m, by_poses))
         .apply(state);
   } else if (throws || options.floor) {
     upright(wave, throws ? throws->up() : floor_normal(rests(wave), wave)).apply(state);

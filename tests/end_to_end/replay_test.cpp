@@ -393,8 +393,9 @@ TEST_F(EndToEnd, ARadiusOfTwiceTheSizeIsSaidWhereTheLockIsLate) {
               "fast.yaml");
     return run({HUETRACKD, "replay", file, fast.string(), "--no-dds"}).out;
   };
-  EXPECT_THAT(replayed("0.08"),
-              HasSubstr("  search  pink: it was found late: the pictures of pink show a radius of 0.03 to 0.05 m, not 0.08"));
+  EXPECT_THAT(
+      replayed("0.08"),
+      HasSubstr("  search  pink: it was found late: the pictures of pink show a radius of 0.03 to 0.05 m, not 0.08"));
   EXPECT_THAT(replayed("0.04"), Not(HasSubstr("  search  ")));
 }
 
