@@ -1,5 +1,6 @@
 #include "calib/board/board_detector.h"
 
+#include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
 #include <array>
@@ -330,11 +331,18 @@ std::optional<cv::Matx33d> pixels_around(const Eigen::Vector3d& point, const Mar
 }
 
 // Corners of the squares between markers: predicted by the markers, then refined.
+// Corners outside of what the markers enclose are left out: where the board file has a row too many, they lie on the
+// board's edge.
 BoardDetection squares_corners(const cv::Mat& image, const Markers& markers, const Board& board) {
   FoundCorners corners;
+  Eigen::AlignedBox2d enclosed;
+  for (const auto& [id, px] : markers)
+    for (const Eigen::Vector3d& corner : board.marker_corners(id - board.first_marker))
+      enclosed.extend(corner.head<2>());
   const double white_margin = 0.5 * (1 - board.marker / board.pitch.maxCoeff());
   for (int id = 0; id < board.point_count(); ++id) {
     const Eigen::Vector3d corner = board.point(id);
+    if (!enclosed.contains(Eigen::Vector2d(corner.head<2>()))) continue;
     const std::optional<cv::Matx33d> pixels = pixels_around(corner, markers, board);
     if (!pixels) continue;
     const auto px = [&](double dx, double dy) {

@@ -208,6 +208,15 @@ std::string fitting_board_file(const Board& board, const std::vector<GreyPixels>
   }
   constexpr int clearly = 4;
   if (!explained.is_all() || explained.score() < given + clearly) return {};
+  // A board of another size: the smallest that explains as much, as the others have rows that no picture shows.
+  const auto is_as_good = [&](const Board& smaller) {
+    return smaller.problems().empty() && in_images.by(smaller).score() == explained.score();
+  };
+  for (int Board::*const side : {&Board::rows, &Board::columns}) {
+    Board smaller = best;
+    while ((best.columns != board.columns || best.rows != board.rows) && --(smaller.*side) > 0 && is_as_good(smaller))
+      best = smaller;
+  }
   return difference(board, best);
 }
 

@@ -419,6 +419,20 @@ TEST(FittingBoardFile, OfAPartOfTheBoardHasTheFewestChanges) {
   EXPECT_EQ(fitting_board_file(lower, {view_of(image)}), "squares: [6, 8]");
 }
 
+// A row too many in the file: the board's edge has no corners, and of the boards that fit the smallest is named.
+TEST(FittingBoardFile, ARowTooManyAddsNoCorners) {
+  const Board real{.type = BoardType::charuco, .columns = 8, .rows = 6, .marker = 0.0225};
+  const DrawnBoard drawn = draw_board(real);
+  const cv::Matx33d h = tilted(drawn.image, {{{120, 60}, {540, 90}, {510, 400}, {140, 370}}});
+  const cv::Mat image = seen_through(drawn.image, h, {640, 480}, 2, 1);
+  Board taller = real, larger = real;
+  taller.rows = 7;
+  larger.columns = 9, larger.rows = 7;
+  EXPECT_EQ(BoardDetector(real).detect(view_of(image)).ids.size(), 35u);
+  EXPECT_EQ(BoardDetector(taller).detect(view_of(image)).ids.size(), 35u);
+  EXPECT_EQ(fitting_board_file(larger, {view_of(image)}), "squares: [8, 6]");
+}
+
 // shared/data/field_cases: Kalibr's own target file and a board as its program prints it, with a known lens.
 TEST(BoardDetectorCaptures, KalibrsAprilGrid) {
   const std::filesystem::path folder = std::filesystem::path(HUETRACK_SHARED_DATA) / "field_cases/kalibr_aprilgrid";
