@@ -148,6 +148,24 @@ class NameOrder {
     return number;
   }
 
+  struct Parts {
+    std::vector<double> numbers;
+    std::string text;  // between them; each number is #; letters are small
+  };
+  // Of a path without its extension, from this place on.
+  Parts parts_of(std::string_view path, std::size_t from = 0) const {
+    Parts parts;
+    for (std::size_t at = from; at < path.size(); ++at)
+      if (const auto number = number_at(path, at)) {
+        parts.numbers.push_back(number->value());
+        parts.text += '#';
+        at = number->end - 1;
+      } else {
+        parts.text += lower(path[at]);
+      }
+    return parts;
+  }
+
   bool is_hexadecimal() const { return is_hexadecimal_; }
 
  private:
@@ -270,28 +288,15 @@ class NameOrder {
   bool is_hexadecimal_ = false;
 };
 
-}  // namespace
-
-namespace {
-
 // Of each name, those of its numbers that are not the same in all. Empty: the names are not of one kind.
 std::vector<std::vector<double>> numbers_that_vary(const std::vector<fs::path>& files) {
   const NameOrder order(files);
   std::vector<std::vector<double>> numbers;
   std::set<std::string> kinds;
   for (const fs::path& file : files) {
-    const std::string_view name = without_extension(file.native());
-    std::string kind;
-    numbers.emplace_back();
-    for (std::size_t at = 0; at < name.size(); ++at)
-      if (const auto number = order.number_at(name, at)) {
-        numbers.back().push_back(number->value());
-        kind += '#';
-        at = number->end - 1;
-      } else {
-        kind += lower(name[at]);
-      }
-    kinds.insert(std::move(kind));
+    NameOrder::Parts parts = order.parts_of(without_extension(file.native()));
+    numbers.push_back(std::move(parts.numbers));
+    kinds.insert(std::move(parts.text));
   }
   if (kinds.size() != 1 || order.is_hexadecimal()) return {};
   for (std::size_t place = numbers.front().size(); place-- > 0;)
@@ -332,12 +337,9 @@ std::vector<double> last_numbers(const std::vector<fs::path>& files) {
   std::vector<double> numbers;
   for (const fs::path& file : files) {
     const std::string_view path = without_extension(file.native());
-    const std::size_t name = path.rfind('/') + 1;  // npos + 1 is 0
-    std::optional<Number> last;
-    for (std::size_t at = name; at < path.size(); ++at)
-      if (const auto number = order.number_at(path, at)) last = number, at = number->end - 1;
-    if (!last) return {};
-    numbers.push_back(last->value());
+    const NameOrder::Parts name = order.parts_of(path, path.rfind('/') + 1);  // npos + 1 is 0
+    if (name.numbers.empty()) return {};
+    numbers.push_back(name.numbers.back());
   }
   return numbers;
 }

@@ -1,4 +1,5 @@
-// What lenses of webcams and action cameras are like, as standard deviations: the prior wherever a lens is estimated.
+// What lenses of webcams and action cameras are like, as standard deviations: the prior of lenses that are estimated
+// from boards, and of the focal lengths that wave estimates.
 #pragma once
 
 namespace huetrack::calib {

@@ -291,8 +291,7 @@ using ReportLens = std::function<void(const char* step, LensModel lens)>;
 
 // Log of the marginal likelihood of all corners (Laplace's approximation), but for what all models have in common: the
 // likelihood at the maximum, the prior there, and how much smaller the posterior's volume is than the prior's.
-// Decentring and prism do not count in the volume: a model without them has the same real lenses, whose decentring it
-// neglects.
+// Decentring and prism do not count in the volume: real lenses have decentring, and a model without it neglects it.
 double log_evidence(const Adjustment& fit, double sigma, int corners) {
   const AdjustedCamera& camera = fit.cameras.front();
   const LensPrior prior = lens_prior(camera);

@@ -178,20 +178,17 @@ LinearOutline linear_outline(const calib::CameraRig& rig, const BallObservation&
 std::vector<LinearOutline> linear_outlines(const calib::CameraRig& rig,
                                            const std::vector<BallObservation>& observations, const WaveState& state,
                                            double radius_m) {
-  constexpr double loss = 3;  // as WaveAdjustmentOptions::loss
   std::vector<LinearOutline> out;
-  double sum = 0, weights = 0;
+  std::vector<double> distance2;
   for (const BallObservation& o : observations) {
     const LinearOutline linear = linear_outline(rig, o, state, radius_m);
     if (linear.in_path.by_position.isZero(0)) continue;
-    const double distance2 =
-        (linear.in_path.by_position * state.path.at(linear.in_path.t_s) - linear.in_path.value).squaredNorm();
-    const double weight = 1 / (1 + distance2 / (loss * loss));
-    sum += weight * distance2, weights += 2 * weight;
+    distance2.push_back(
+        (linear.in_path.by_position * state.path.at(linear.in_path.t_s) - linear.in_path.value).squaredNorm());
     out.push_back(linear);
   }
   std::ranges::stable_sort(out, {}, [](const LinearOutline& o) { return o.in_path.t_s; });
-  const double noise = std::sqrt(std::max(1.0, sum / std::max(1.0, weights)));
+  const double noise = std::sqrt(noise_variance(distance2, WaveAdjustmentOptions{}.loss));
   for (LinearOutline& o : out) o.in_path.by_position /= noise, o.in_path.value /= noise, o.by_errors /= noise;
   return out;
 }

@@ -294,17 +294,17 @@ WeighedScale weigh_scale(const WaveSolution& wave, const calib::CameraRig& rig, 
   }
   Eigen::MatrixXd together = by_errors * covariance * by_errors.transpose();
   together.diagonal() += own2;
-  const Eigen::VectorXd ones = Eigen::VectorXd::Ones(n), information = together.ldlt().solve(ones);
+  const Eigen::LDLT<Eigen::MatrixXd> solver(together);
+  const Eigen::VectorXd ones = Eigen::VectorXd::Ones(n), information = solver.solve(ones);
   const Eigen::VectorXd weights = information / information.sum();
   const double mean = weights.dot(log_scale);
   const Eigen::VectorXd off = log_scale - mean * ones;
   WeighedScale out;
   out.factor = std::exp(mean);
   out.by_errors = weights.transpose() * by_errors;
-  out.own_sigma = std::sqrt(weights.cwiseAbs2().dot(own2));
   // Sources that contradict one another: Birge's ratio.
   const double widen =
-      std::sqrt(std::max(1.0, off.dot(together.ldlt().solve(off)) / std::max<double>(1, static_cast<double>(n - 1))));
+      std::sqrt(std::max(1.0, off.dot(solver.solve(off)) / std::max<double>(1, static_cast<double>(n - 1))));
   out.scale.sigma = widen * std::sqrt(1 / information.sum());
   out.own_sigma = std::sqrt(
       std::max(0.0, std::pow(out.scale.sigma, 2) - out.by_errors.dot(covariance * out.by_errors.transpose())));

@@ -87,15 +87,17 @@ Similarity onto_views(const calib::CameraRig& rig, const WaveState& state, const
   constexpr double least_px = 0.3;  // of a camera's rms: below, all cameras are right
   constexpr double step = 1e-5;     // radians or metres, for derivatives
   for (int round = 0; round < 30; ++round) {
+    std::vector<std::optional<Eigen::Vector2d>> residuals;
     std::vector<std::vector<double>> squares(rig.cameras.size());
     for (std::size_t i = 0; i < seen.size(); ++i)
-      if (const auto r = off(i, start)) squares[static_cast<std::size_t>(seen[i].camera)].push_back(r->squaredNorm());
+      if (const auto& r = residuals.emplace_back(off(i, start)))
+        squares[static_cast<std::size_t>(seen[i].camera)].push_back(r->squaredNorm());
     std::vector<double> weight;
     for (auto& of_camera : squares) weight.push_back(1 / std::max(least_px, std::sqrt(calib::median(of_camera))));
     Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
     Eigen::Matrix<double, 6, 1> slope = Eigen::Matrix<double, 6, 1>::Zero();
     for (std::size_t i = 0; i < seen.size(); ++i) {
-      const auto r = off(i, start);
+      const auto& r = residuals[i];
       Eigen::Matrix<double, 2, 6> by;
       bool is_seen = r.has_value();
       for (int k = 0; k < 6 && is_seen; ++k) {

@@ -19,6 +19,7 @@
 #include "calib/model/closest_approach.h"
 #include "calib/model/index.h"
 #include "calib/model/median.h"
+#include "calib/model/usual_lens.h"
 #include "calib/solver/bundle_adjustment.h"
 #include "calib/wave/scale.h"
 #include "calib/wave/shape_errors.h"
@@ -160,7 +161,7 @@ std::unique_ptr<WaveSolution> from_nothing(calib::CameraRig rig, const std::vect
   for (const int sigmas : {0, -2, 2, -4, 4}) {  // an adjustment corrects two: from 60 degrees 87, 39, 115 and 24
     calib::CameraRig tried = rig;
     LensChange change = LensChange::Zero();
-    change[0] = sigmas * any_log_focal;
+    change[0] = sigmas * calib::usual_lens.log_focal;
     for (calib::Camera& camera : tried.cameras) camera.model = changed(camera.model, change);
     best.consider([&] {
       const WaveSolution unsolved(tried, frames, options);
@@ -242,7 +243,7 @@ void set_fit(WaveResult& result, const WaveSolution& wave, const std::vector<Bal
   }
 }
 
-// Sets extent_m and camera_distance_m.
+// Sets path_min, path_max, extent_m and camera_distance_m.
 void measure_path(WaveResult& result, const WaveSolution& wave, const std::vector<BallObservation>& observations) {
   const BallPath& path = wave.state().path;
   Vector3d mean = Vector3d::Zero();
@@ -262,6 +263,7 @@ void measure_path(WaveResult& result, const WaveSolution& wave, const std::vecto
   for (int i = 0; i < 3; ++i)
     result.extent_m[i] = std::sqrt(12 * std::max(0.0, variance[2 - i]));  // length of a uniform distribution
   const std::size_t n = result.cameras.size();
+  result.camera_distance_m = 0;
   for (std::size_t c = 0; c < n; ++c)
     result.camera_distance_m += (wave.centre(static_cast<int>(c)) - mean).norm() / static_cast<double>(n);
 }
@@ -583,11 +585,9 @@ WaveResult calibrated(const calib::CameraRig& rig, std::vector<BallFrame>& frame
   if (!options.hold_poses) set_scale(wave, rig, options);
   looks = wave.size_ratio();
   wave.refine(WaveSteps::refined_again);
+  measure_path(result, wave, wave.observations());
+  require_motion(result);
   if (!options.hold_poses) {
-    WaveResult rough = result;  // a motion that leaves the poses open is named as such
-    set_fit(rough, wave, wave.observations());
-    measure_path(rough, wave, wave.observations());
-    require_motion(rough);
     wave.settle();
     set_world(result, wave, rig, options, set_scale(wave, rig, options));
   }
@@ -598,7 +598,6 @@ WaveResult calibrated(const calib::CameraRig& rig, std::vector<BallFrame>& frame
   const std::vector<BallObservation> observations = wave.observations();
   set_fit(result, wave, observations);
   measure_path(result, wave, observations);
-  require_motion(result);
 
   PlacesErrors errors{
       shape_errors(result.rig, wave.state(), places_along(wave.state().path, wave.from_s(), wave.to_s())),

@@ -497,6 +497,16 @@ calib::CameraModel WaveState::lens(const calib::CameraRig& rig, std::size_t came
   return lenses.empty() ? rig.cameras[camera].model : changed(rig.cameras[camera].model, lenses[camera]);
 }
 
+double noise_variance(const std::vector<double>& distance2, double loss) {
+  double sum = 0, weights = 0;
+  for (const double d2 : distance2) {
+    const double weight = 1 / (1 + d2 / (loss * loss));
+    sum += weight * d2;
+    weights += 2 * weight;
+  }
+  return std::max(1.0, sum / std::max(1.0, weights));
+}
+
 double lens_cost(const WaveAdjustmentOptions& options, const std::vector<LensChange>& lenses) {
   double sum = 0;
   for (std::size_t c = 0; c < std::min(lenses.size(), options.any_lens_sigmas.size()); ++c) {
@@ -527,7 +537,6 @@ WaveFit adjust_wave(const calib::CameraRig& rig, const std::vector<BallObservati
   }
   std::vector<calib::CameraModel> lenses;
   for (std::size_t c = 0; c < rig.cameras.size(); ++c) lenses.push_back(state.lens(rig, c));
-  double sum = 0, weights = 0;
   for (const BallObservation& o : observations) {
     const auto c = static_cast<std::size_t>(o.camera);
     const Vector3d p = state.path.at(state.exposed_s(rig, o.camera, o.t_s, o.px));
@@ -535,12 +544,9 @@ WaveFit adjust_wave(const calib::CameraRig& rig, const std::vector<BallObservati
     const Vector2d residual = px ? Vector2d(o.px - *px) : Vector2d::Constant(1e4);
     fit.residuals.push_back(residual);
     fit.distance2.push_back(residual.dot(o.covariance.inverse() * residual));
-    const double weight = 1 / (1 + fit.distance2.back() / (options.loss * options.loss));
-    sum += weight * fit.distance2.back();
-    weights += 2 * weight;
   }
   if (options.with_evidence) fit.evidence = problem->evidence(fit.cost);
-  if (options.with_covariance) problem->covariance(fit, std::max(1.0, sum / std::max(1.0, weights)));
+  if (options.with_covariance) problem->covariance(fit, noise_variance(fit.distance2, options.loss));
   return fit;
 }
 

@@ -107,6 +107,10 @@ struct WaveFit {
   Eigen::MatrixXd time_covariance;  // of each camera's latency and readout, seconds; 2 x cameras square
 };
 
+// Variance of whitened residuals, two for each squared distance, weighted by Cauchy's loss (of this scale, in standard
+// deviations); at least 1.
+double noise_variance(const std::vector<double>& distance2, double loss);
+
 // Of the priors of these lenses.
 double lens_cost(const WaveAdjustmentOptions& options, const std::vector<LensChange>& lenses);
 

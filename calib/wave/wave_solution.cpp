@@ -9,6 +9,7 @@
 
 #include "calib/model/index.h"
 #include "calib/model/median.h"
+#include "calib/model/usual_lens.h"
 #include "calib/solver/bundle_adjustment.h"
 #include "calib/wave/similarity.h"
 
@@ -84,7 +85,8 @@ struct LensTuning {
 // A given lens counts as nearly exact, with a loss: it moves positions by less than the wave's own error, or gives way.
 constexpr LensTuning given_lens{.log_focal = 2e-4, .centre_px = 0.1, .k1 = 1e-3, .k2 = 3e-3, .higher = 1e-4};
 // What webcams' lenses are: fields of view of 40 to 90 degrees, sensors mounted to some tenths of a millimetre.
-constexpr LensTuning any_lens{.log_focal = any_log_focal, .centre_px = 10, .k1 = 0.15, .k2 = 0.1, .higher = 1e-3};
+constexpr LensTuning any_lens{
+    .log_focal = calib::usual_lens.log_focal, .centre_px = 10, .k1 = 0.15, .k2 = 0.1, .higher = 1e-3};
 
 }  // namespace
 

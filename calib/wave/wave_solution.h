@@ -15,9 +15,6 @@
 
 namespace huetrack::wave {
 
-// 1 sigma of the log of a webcam's focal length, about that of a field of view of 60 degrees: 40 to 90 degrees.
-inline constexpr double any_log_focal = 0.25;
-
 // Frames that two cameras must share, and in which a camera must agree with the others.
 inline constexpr int least_shared = 20;
 

@@ -35,7 +35,8 @@ void EventHub::append(std::string event, bool is_again, const std::string& audie
 
 void EventHub::forget_appended() {
   const std::scoped_lock lock(mutex_);
-  for (const auto& [number, size] : stream_) entries_.at(number).is_forgotten = true;
+  for (const auto& [number, size] : stream_)
+    if (Entry& entry = entries_.at(number); entry.audience.empty()) entry.is_forgotten = true;
 }
 
 void EventHub::put(std::string event, const std::string* key, const std::string& audience, bool is_again) {

@@ -40,8 +40,10 @@ class EventHub {
   void set(const std::string& key, std::string event, const std::string& audience = "");
   void erase(const std::string& key);
   // Every event is delivered. is_again: a repetition for pages that start anew; not for subscribers of one kind.
+  // audience: as set().
   void append(std::string event, bool is_again = false, const std::string& audience = "");
-  // Pages start anew; subscribers of one kind still get the events that they have not read.
+  // Pages start anew, but still get what was appended for them alone; subscribers of one kind still get the events
+  // that they have not read.
   void forget_appended();
 
   // The next event after `cursor` (0: the beginning) for this reader; advances the cursor. nullptr: none yet.

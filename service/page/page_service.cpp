@@ -21,17 +21,13 @@ constexpr auto fetch_period = 10ms;  // for a requested set
 constexpr auto reading_period = 2ms;
 constexpr auto reads_on_for = 500ms;
 constexpr auto network_period = 1s;
-constexpr std::size_t kept_replies =
-    64;  // pages ask for a state once a second, and repeat a request after 24 s at most
+// Pages ask for a state once a second, and repeat a request after 24 s at most. Replies to teaching hold pictures, and
+// a page has one such request at a time.
+constexpr std::size_t kept_replies = 64, kept_teach_replies = 8;
 constexpr auto map_period = 1s;
 constexpr auto freeze_patience = 3s;          // for a set to freeze
 constexpr auto kept_freeze_patience = 300ms;  // likewise, if a set was kept
 constexpr auto repeat_after = 1s;             // a kept set is shown again, for late joiners
-
-// For two requests, or a request and a reply.
-bool is_same(const auto& a, const auto& b) {
-  return a.client() == b.client() && a.number() == b.number();
-}
 
 }  // namespace
 
@@ -41,6 +37,8 @@ PageService::PageService(const config::ServiceConfig& config, PageServiceOptions
       publisher_(config.dds.publisher),
       teaching_(options_.actions),
       control_(options_.control),
+      teach_replies_(kept_teach_replies),
+      control_replies_(kept_replies),
       wanted_(options_.keeps_frames),
       config_(config),
       thread_([this](const std::stop_token& stop) { serve(stop); }) {}
@@ -160,8 +158,8 @@ void PageService::take_requests() {
   while (const auto request = publisher_.next_request()) {
     // A repeated request is answered once: new pictures would not be those that the page shows.
     if (to_freeze_ && is_same(*to_freeze_, *request)) continue;
-    if (last_reply_ && is_same(*last_reply_, *request)) {
-      publisher_.publish(*last_reply_);
+    if (const msg::TeachReply* before = teach_replies_.to(*request)) {
+      publisher_.publish(*before);
       continue;
     }
     if (!options_.actions.reload) {
@@ -186,15 +184,8 @@ void PageService::take_control_requests() {
       publisher_.publish(control_.answer(*request, config_));
       continue;
     }
-    // A repeated request gets the same reply and is not executed twice, whatever was requested in between.
-    const auto before =
-        std::ranges::find_if(control_replies_, [&](const auto& reply) { return is_same(reply, *request); });
-    if (before != control_replies_.end()) {
-      publisher_.publish(*before);
-      continue;
-    }
-    publisher_.publish(control_replies_.emplace_back(control_.answer(*request, config_)));
-    if (control_replies_.size() > kept_replies) control_replies_.pop_front();
+    const msg::ControlReply* const before = control_replies_.to(*request);
+    publisher_.publish(before ? *before : control_replies_.keep(control_.answer(*request, config_)));
   }
 }
 
@@ -204,8 +195,7 @@ void PageService::freeze(const capture::FrameSet& set) {
 }
 
 void PageService::reply(msg::TeachReply reply) {
-  publisher_.publish(reply);
-  last_reply_ = std::move(reply);
+  publisher_.publish(teach_replies_.keep(std::move(reply)));
 }
 
 void PageService::publish_previews(const pictures::PictureJob& job) {

@@ -5,13 +5,13 @@
 #include <atomic>
 #include <chrono>
 #include <condition_variable>
-#include <deque>
 #include <mutex>
 #include <optional>
 #include <thread>
 
 #include "config/service_config.h"
 #include "page/control_handler.h"
+#include "page/recent_replies.h"
 #include "page/teaching_session.h"
 #include "pipeline/output.h"
 #include "pipeline/published_time.h"
@@ -76,8 +76,8 @@ class PageService final : public pipeline::Output {
   const ControlHandler control_;
   std::optional<msg::TeachRequest> to_freeze_;  // waits for a set
   std::chrono::steady_clock::time_point freeze_requested_at_{};
-  std::optional<msg::TeachReply> last_reply_;
-  std::deque<msg::ControlReply> control_replies_;    // the latest, for requests that are repeated
+  RecentReplies<msg::TeachReply> teach_replies_;
+  RecentReplies<msg::ControlReply> control_replies_;
   std::chrono::steady_clock::time_point read_at_{};  // last request for a part of a recording
   std::atomic<bool> wanted_ = false, map_wanted_ = true;
   std::atomic<std::uint64_t> previews_ = 0;

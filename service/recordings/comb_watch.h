@@ -1,5 +1,5 @@
 // Detects interlaced pictures whose file does not say so, and fields that are stated in the wrong order, by their
-// pixels: where the picture moves, rows of one field lie beside rows of another moment, so that neighbouring rows
+// pixels: where the picture moves, neighbouring rows are of different moments, so that neighbouring rows
 // differ more than the next but one. (Stripes of single rows in the room would look alike.) The field that was taken
 // first differs less from the other one of the picture before. Private to this module.
 #pragma once
@@ -24,7 +24,7 @@ struct CombEvidence {
   // fields (1.27 to 2.7).
   double ratio() const { return field_curvature > 0 ? row_curvature / field_curvature : 0; }
   bool is_top_first() const { return top_after_bottom < bottom_after_top; }
-  // > 1: the difference of the second field from the picture before, beside that of the first one.
+  // >= 1: ratio of the two fields' differences from the picture before; 0: unknown.
   double order_ratio() const {
     const auto [less, more] = std::minmax(top_after_bottom, bottom_after_top);
     return less > 0 ? more / less : 0;

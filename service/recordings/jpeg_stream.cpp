@@ -32,45 +32,47 @@ bool is_text(char c) {
   return std::isprint(static_cast<unsigned char>(c)) != 0 || c == '\r' || c == '\n' || c == '\t';
 }
 
-// The picture's beginning was not saved: before the first whole one there is an end of a picture, and perhaps headers
-// or padding. (Inside a container other bytes are before the first one.)
-bool begins_inside_a_picture(std::ifstream& in) {
-  std::string begin(largest_cut_picture, '\0');
-  in.read(begin.data(), static_cast<std::streamsize>(begin.size()));
-  begin.resize(static_cast<std::size_t>(in.gcount()));
+// A file's first bytes, and where its first picture begins; npos: none does.
+struct Beginning {
+  std::string bytes;
+  std::size_t first = std::string::npos;
+
+  bool is_text_before_first() const {
+    return first != std::string::npos && std::all_of(bytes.begin(), bytes.begin() + std::ptrdiff_t(first), is_text);
+  }
+};
+
+// Leaves the file at its beginning.
+Beginning beginning_of(std::ifstream& in, std::size_t at_most) {
+  std::string bytes(at_most, '\0');
+  in.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  bytes.resize(static_cast<std::size_t>(in.gcount()));
   in.clear();
   in.seekg(0);
-  const auto first = begin.find("\xff\xd8\xff");
-  std::size_t end = first == std::string::npos ? 0 : first;
-  while (end > 0 && (is_text(begin[end - 1]) || begin[end - 1] == '\0')) --end;
-  return end >= 2 && begin.compare(end - 2, 2, "\xff\xd9") == 0;
+  const std::size_t first = bytes.find("\xff\xd8\xff");
+  return {std::move(bytes), first};
+}
+
+// The picture's beginning was not saved: before the first whole one there is an end of a picture, and perhaps headers
+// or padding. (Inside a container other bytes are before the first one.)
+bool begins_inside_a_picture(const Beginning& begin) {
+  std::size_t end = begin.first == std::string::npos ? 0 : begin.first;
+  while (end > 0 && (is_text(begin.bytes[end - 1]) || begin.bytes[end - 1] == '\0')) --end;
+  return end >= 2 && begin.bytes.compare(end - 2, 2, "\xff\xd9") == 0;
 }
 
 // Bytes of no kind before the first picture, as a cut dump of a network has them: by the pictures' own structure, and
 // since it is no container that FFmpeg knows.
-bool is_taken_for_jpegs(std::string head, const std::filesystem::path& file) {
-  if (head.find("\xff\xd8\xff") == std::string::npos) return false;
-  const auto size = static_cast<int>(head.size());
-  head.resize(head.size() + AVPROBE_PADDING_SIZE);  // zeros, as FFmpeg wants them
+bool is_taken_for_jpegs(Beginning begin, const std::filesystem::path& file) {
+  if (begin.first == std::string::npos) return false;
+  const auto size = static_cast<int>(begin.bytes.size());
+  begin.bytes.resize(begin.bytes.size() + AVPROBE_PADDING_SIZE);  // zeros, as FFmpeg wants them
   const AVProbeData probe{.filename = file.c_str(),
-                          .buf = reinterpret_cast<unsigned char*>(head.data()),
+                          .buf = reinterpret_cast<unsigned char*>(begin.bytes.data()),
                           .buf_size = size,
                           .mime_type = nullptr};
   const AVInputFormat* format = av_probe_input_format(&probe, 1);
   return format != nullptr && std::string_view(format->name) == "mjpeg";
-}
-
-// The bytes before the first picture are no text: how many.
-std::size_t bytes_before_first(std::ifstream& in) {
-  std::string begin(largest_cut_picture, '\0');
-  in.read(begin.data(), static_cast<std::streamsize>(begin.size()));
-  begin.resize(static_cast<std::size_t>(in.gcount()));
-  in.clear();
-  in.seekg(0);
-  const auto first = begin.find("\xff\xd8\xff");
-  if (first == std::string::npos) return 0;
-  const auto end = begin.begin() + static_cast<std::ptrdiff_t>(first);
-  return std::all_of(begin.begin(), end, is_text) ? 0 : first;
 }
 
 }  // namespace
@@ -79,15 +81,10 @@ bool is_jpeg_stream(const std::filesystem::path& file) {
   std::error_code unreadable;  // opening a pipe would block
   if (!std::filesystem::is_regular_file(file, unreadable)) return false;
   std::ifstream in(file, std::ios::binary);
-  std::string head(longest_headers, '\0');
-  in.read(head.data(), static_cast<std::streamsize>(head.size()));
-  head.resize(static_cast<std::size_t>(in.gcount()));
-  const auto begin = head.find("\xff\xd8\xff");
-  const bool begins_with_text = begin != std::string::npos &&
-                                std::all_of(head.begin(), head.begin() + static_cast<std::ptrdiff_t>(begin), is_text);
-  in.clear();
-  in.seekg(0);
-  if (!begins_with_text && !begins_inside_a_picture(in) && !is_taken_for_jpegs(std::move(head), file)) return false;
+  Beginning head = beginning_of(in, longest_headers);
+  if (!head.is_text_before_first() && !begins_inside_a_picture(beginning_of(in, largest_cut_picture)) &&
+      !is_taken_for_jpegs(std::move(head), file))
+    return false;
   capture::JpegSplitter splitter;
   const auto first = next_jpeg(in, splitter);
   if (!first) return false;
@@ -101,11 +98,12 @@ JpegStream::JpegStream(const RecordedCamera& camera, std::vector<std::string>& w
       selection_(camera),
       warnings_(warnings),
       keeps_encoded_(keeps_encoded),
-      in_(camera.frames, std::ios::binary),
-      begins_inside_(begins_inside_a_picture(in_)) {
-  if (const std::size_t bytes = begins_inside_ ? 0 : bytes_before_first(in_); bytes > 0)
-    warnings_.push_back(camera_.frames.string() + ": the " + std::to_string(bytes) +
-                        " bytes before its first picture are left out");
+      in_(camera.frames, std::ios::binary) {
+  const Beginning begin = beginning_of(in_, largest_cut_picture);
+  begins_inside_ = begins_inside_a_picture(begin);
+  if (begins_inside_ || begin.first == std::string::npos || begin.is_text_before_first()) return;
+  warnings_.push_back(camera_.frames.string() + ": the " + std::to_string(begin.first) +
+                      " bytes before its first picture are left out");
 }
 
 std::optional<Shown> JpegStream::next() {

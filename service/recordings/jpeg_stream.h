@@ -36,7 +36,7 @@ class JpegStream final : public PictureStream {
   std::vector<std::string>& warnings_;
   bool keeps_encoded_;
   std::ifstream in_;
-  bool begins_inside_;  // a picture, which is not shown yet
+  bool begins_inside_ = false;  // a picture, which is not shown yet
   capture::JpegSplitter splitter_;
   PictureDecoder decoder_;
   std::int64_t index_ = 0;

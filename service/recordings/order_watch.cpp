@@ -24,7 +24,7 @@ struct OrderTuning {
   // By chance 15 of 16 are closer in one order once in 4,000 series.
   std::size_t least_votes = 16;
   double share = 0.9;
-  // A seam: the longest step, this many times as long as those beside it (a dropped picture doubles one), while the
+  // A seam: the longest step, this many times as long as its two neighbours (a dropped picture doubles one), while the
   // last picture goes on to the first one as others do.
   double seam = 2.5, wrap = 2;
   std::size_t least_steps = 10;

@@ -60,6 +60,7 @@ TEST(EventHub, DeliversAddressedEventsToOnePage) {
   EXPECT_THAT(seen_by(""), ElementsAre("for all"));
   hub.forget_appended();
   EXPECT_THAT(seen_by("a"), ElementsAre("more for a"));
+  EXPECT_THAT(seen_by("c"), ElementsAre("reply 1", "reply 2"));
 }
 
 TEST(EventHub, RepetitionsAreForPagesOnly) {
