@@ -38,23 +38,15 @@ mkdir -p build
 build_huetrack "$build" "-DCMAKE_BUILD_TYPE=Release" all || fail "the build failed"
 
 total=0 failed=0 skipped=0 status=0
-# run_tests FOLDER CTEST-ARGUMENTS...: adds to the counts
+# run_tests FOLDER CTEST-ARGUMENTS...: adds to the counts; what failed is said again at its end
 run_tests() {
-  local folder="$1" results="$PWD/$1/tests.xml" name value
+  local folder="$1" results="$PWD/$1/tests.xml" count
   shift
   rm -f "$results"
   ctest --test-dir "$folder" --output-on-failure --output-junit "$results" "$@" || status=1
-  [ -s "$results" ] || fail "ctest wrote no results"
-  # The root element: <testsuite name=... tests="N" failures="N" disabled="N" skipped="N" ...>
-  for name in tests failures disabled skipped; do
-    value=$(tr '\n\t' '  ' <"$results" | sed -n "s/.*<testsuite [^>]*[ ]$name=\"\([0-9]*\)\".*/\1/p")
-    [ -n "$value" ] || fail "the results of ctest cannot be read: $results"
-    case $name in
-      tests) total=$((total + value)) ;;
-      failures) failed=$((failed + value)) ;;
-      *) skipped=$((skipped + value)) ;;
-    esac
-  done
+  read -r -a count < <(/usr/bin/python3 tests/results.py "$results")
+  [ ${#count[@]} = 3 ] || fail "the results of ctest cannot be read: $results"
+  total=$((total + count[0])) failed=$((failed + count[1])) skipped=$((skipped + count[2]))
 }
 
 run_tests "$build" -j4   # half cores: tests/CMakeLists.txt

@@ -14,7 +14,7 @@ if (!existsSync(join(twoCams, "recording.yaml"))) skip(`no recording in ${twoCam
 
 const domain = "74";
 const folder = mkdtempSync(join(tmpdir(), "huetrack-browser-"));
-const until = waiting(30000);
+const until = waiting(60000);
 function configuration(name, text) {
   const file = join(folder, name);
   writeFileSync(file, text);

@@ -9,7 +9,7 @@ import { join } from "node:path";
 
 import { addressOf, belowTheFold, closeTool, launch, lookedThrough, misfits, openTool, options, run, say, sleep, startBridge, visit, waiting, windows } from "./harness.mjs";
 
-const until = waiting(30000);
+const until = waiting(60000);
 
 // ---- A bridge: the page's files from the real one, the events from here.
 const view = options.page ? null : startBridge("75");

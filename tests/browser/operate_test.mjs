@@ -13,7 +13,7 @@ import { belowTheFold, closeTool, openPage, openTool, options, run, say, sleep, 
 const domain = "77";
 const folder = mkdtempSync(join(tmpdir(), "huetrack-recordings-"));
 const films = join(folder, "films"), config = join(folder, "my.yaml"), shelf = join(folder, "recordings");
-const until = waiting(30000);
+const until = waiting(60000);
 
 const write = (allows) =>
   writeFileSync(config, `version: 1
