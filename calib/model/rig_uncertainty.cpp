@@ -42,10 +42,10 @@ Eigen::MatrixXd root_of(const Eigen::MatrixXd& matrix) {
   return root;
 }
 
-// Derivatives of a view's pixel by the position and by its camera's parameters.
+// Derivatives of a view's pixel and of the size there by the position and by its camera's parameters.
 struct ViewTerm {
-  Eigen::Matrix<double, 2, 3> by_place;
-  Eigen::Matrix<double, 2, 18> by_camera;  // lens (lens_count), then pose
+  Eigen::Matrix<double, 3, 3> by_place;    // rows: u, v, log of the size
+  Eigen::Matrix<double, 3, 18> by_camera;  // lens (lens_count), then pose
 };
 
 std::optional<ViewTerm> view_term(const Camera& camera, const RigUncertainty::CameraParameters& of,
@@ -59,11 +59,17 @@ std::optional<ViewTerm> view_term(const Camera& camera, const RigUncertainty::Ca
   PixelByLens* wanted = of.lens_count > 0 ? &by_lens : nullptr;
   if (!project_like(camera.model, lens, p_cam, px, &by_point, wanted)) return std::nullopt;
   ViewTerm term;
-  term.by_place = by_point * camera.cam_from_world.rotation.toRotationMatrix();
-  if (of.lens_count > 0) term.by_camera.leftCols(of.lens_count) = by_lens.leftCols(of.lens_count);
+  Eigen::Matrix3d by_cam_point;
+  by_cam_point << by_point, -p_cam.transpose() / p_cam.squaredNorm();
+  term.by_place = by_cam_point * camera.cam_from_world.rotation.toRotationMatrix();
+  if (of.lens_count > 0) {
+    term.by_camera.topLeftCorner(2, of.lens_count) = by_lens.leftCols(of.lens_count);
+    term.by_camera.bottomLeftCorner(1, of.lens_count).setZero();
+    term.by_camera.bottomLeftCorner<1, 2>() = 0.5 * lens.head<2>().cwiseInverse().transpose();
+  }
   if (of.has_pose) {
-    term.by_camera.middleCols<3>(of.lens_count) = -by_point * cross_matrix(p_cam);
-    term.by_camera.middleCols<3>(of.lens_count + 3) = by_point;
+    term.by_camera.middleCols<3>(of.lens_count) = -by_cam_point * cross_matrix(p_cam);
+    term.by_camera.middleCols<3>(of.lens_count + 3) = by_cam_point;
   }
   return term;
 }
@@ -159,7 +165,10 @@ Eigen::Matrix3Xd position_gain_of_cameras(const CameraRig& rig, const RigUncerta
     const RigUncertainty::CameraParameters& of = uncertainty.cameras[index(view.camera)];
     const auto term = view_term(rig.cameras[index(view.camera)], of, p);
     if (!term) continue;
-    const Eigen::Matrix<double, 3, 2> weighed = term->by_place.transpose() * view.information;
+    Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
+    information.topLeftCorner<2, 2>() = view.information;
+    information(2, 2) = view.log_size_information;
+    const Eigen::Matrix3d weighed = term->by_place.transpose() * information;
     normal += weighed * term->by_place;
     if (of.size() > 0) moment.middleCols(of.at, of.size()) += weighed * term->by_camera.leftCols(of.size());
   }

@@ -62,10 +62,15 @@ RigUncertainty with_pose_covariance(const CameraRig& rig, int camera, const Cova
 struct PlaceView {
   int camera = 0;               // in the rig
   Eigen::Matrix2d information;  // inverse covariance of the pixel, 1/px^2
+  // Inverse variance of the logarithm of the image of an object of known size; 0: not measured. Decentring and radial
+  // terms of the lens are neglected in it: the size is taken to grow with the focal length and to fall with the
+  // distance from the camera's centre.
+  double log_size_information = 0;
 };
 
 // Sensitivity of a least-squares position from these views to the rig's parameters, metres per unit (3 x parameters):
-//   G = (E + sum J_i' W_i J_i)^-1 [.. J_i' W_i H_i ..],   J = d px / d p_world, H = d px / d parameters
+//   G = (E + sum J_i' W_i J_i)^-1 [.. J_i' W_i H_i ..],   J = d z / d p_world, H = d z / d parameters, z: pixel, log
+//   size
 // with E = prior_information on the position (1/m^2; may be 0 for two views or more). Views that do not see p_world are
 // ignored; zero if the position is undetermined. Consider term of the Schmidt-Kalman filter (Schmidt 1966).
 Eigen::Matrix3Xd position_gain_of_cameras(const CameraRig& rig, const RigUncertainty& uncertainty,

@@ -202,9 +202,10 @@ void add_setup_command(CLI::App& app, Command& chosen) {
   command->add_option("config", options->setup.config, "the file to write; an existing file is run unchanged")
       ->capture_default_str();
   command->add_flag("!--only-write", options->setup.with_page, "only write the file");
-  command->add_option("--fov", options->setup.fov_deg, "degrees that the picture of a single camera is wide")
-      ->check(CLI::Range(10.0, 160.0))
-      ->capture_default_str();
+  command
+      ->add_option("--fov", options->setup.fov_deg,
+                   "degrees that the picture of a single camera is wide; without it 60 is assumed")
+      ->check(CLI::Range(10.0, 160.0));
   on_choice(*command, chosen,
             [options](const std::stop_token& stop) { set_up(options->setup, options->requests, stop); },
             {{SIGHUP, ask(options->requests.reload)}, {SIGUSR1, ask(options->requests.save)}});

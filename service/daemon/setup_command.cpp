@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -13,6 +14,8 @@
 
 #include "calib/files/output_file.h"
 #include "calib/files/text_file.h"
+#include "calib/model/rig_yaml.h"
+#include "calib/model/usual_lens.h"
 #include "config/service_config.h"
 #include "daemon/page_process.h"
 #include "doctor/camera_exam.h"
@@ -25,6 +28,9 @@ using namespace std::chrono_literals;
 
 constexpr std::size_t max_cameras = 8;
 constexpr const char* one_camera_rig = "rig_one_camera.yaml";
+constexpr double assumed_fov_deg = 60;
+// Data sheets round to five degrees or ten, and lenses differ by some per cent from one another.
+constexpr double stated_focal_sigma = 0.05;
 constexpr double wanted_fps = 30;
 constexpr double pre_roll_s = 60;
 constexpr double bytes_per_mb = 1e6;  // unit of record.pre_roll_mb
@@ -33,8 +39,27 @@ double memory_of_this_host() {
   return double(::sysconf(_SC_PHYS_PAGES)) * double(::sysconf(_SC_PAGESIZE));
 }
 
+double log_focal_sigma(std::optional<double> fov_deg) {
+  return fov_deg ? stated_focal_sigma : calib::usual_lens.log_focal;
+}
+
+// Joint covariance of fx fy cx cy k1 k2 p1 p2 of an ordinary lens.
+Eigen::MatrixXd usual_covariance(const calib::ImageSize& size, double focal_px, double log_focal) {
+  using calib::usual_lens;
+  const double reach2 = (size.width * size.width + size.height * size.height) / (4 * focal_px * focal_px);
+  const double centre_px = usual_lens.centre_share * size.width,
+               decentring = usual_lens.decentring_share / std::sqrt(reach2);
+  Eigen::Vector<double, 8> sigma;
+  sigma << 0, 0, centre_px, centre_px, usual_lens.radial_share / reach2, usual_lens.radial_share / (reach2 * reach2),
+      decentring, decentring;
+  Eigen::MatrixXd out = sigma.cwiseAbs2().asDiagonal();
+  const double mean2 = std::pow(log_focal * focal_px, 2), half2 = std::pow(usual_lens.log_aspect * focal_px / 2, 2);
+  out.topLeftCorner<2, 2>() << mean2 + half2, mean2 - half2, mean2 - half2, mean2 + half2;
+  return out;
+}
+
 // Returns the rig's file name.
-std::string write_rig_of_one(const fs::path& config, const SetUpCamera& camera, double fov_deg) {
+std::string write_rig_of_one(const fs::path& config, const SetUpCamera& camera, std::optional<double> fov_deg) {
   const fs::path file = config.parent_path() / one_camera_rig;
   std::error_code none;
   if (fs::exists(file, none))
@@ -42,9 +67,11 @@ std::string write_rig_of_one(const fs::path& config, const SetUpCamera& camera, 
         fmt::format("{} is there already: move it away, or name it in {} as rig:", file.string(), config.string()));
   files::write_whole_file(file, rig_of_one_camera(camera, fov_deg));
   fmt::print(
-      "written: {}: its picture is taken to be {:g} degrees wide, and all distances are as right as that. If yours is "
-      "not, delete both files and run setup --fov DEGREES, or calibrate it: huetrack-calibrate intrinsics\n",
-      file.string(), fov_deg);
+      "written: {}: its picture is taken to be {:g} degrees wide; positions are uncertain by {:.0f} % of their "
+      "distance "
+      "for that alone. Delete both files and run setup --fov DEGREES if you know better, or calibrate the camera: "
+      "huetrack-calibrate intrinsics. A second camera would measure the distance itself.\n",
+      file.string(), fov_deg.value_or(assumed_fov_deg), 100 * log_focal_sigma(fov_deg));
   return one_camera_rig;
 }
 
@@ -131,20 +158,27 @@ void choose_rate(std::span<const capture::OfferedFormat> formats, SetUpCamera& c
       (any_fps > 0 ? any_fps : wanted_fps) * camera.width * camera.height * (is_raw ? 2 : jpeg_bytes_per_pixel);
 }
 
-std::string rig_of_one_camera(const SetUpCamera& camera, double fov_deg) {
-  const double focal_px = 0.5 * camera.width / std::tan(0.5 * fov_deg * std::numbers::pi / 180);
+std::string rig_of_one_camera(const SetUpCamera& camera, std::optional<double> fov_deg) {
+  const double focal_px =
+      0.5 * camera.width / std::tan(0.5 * fov_deg.value_or(assumed_fov_deg) * std::numbers::pi / 180);
+  Eigen::Matrix3d forwards;
+  forwards << 0, -1, 0, 0, 0, -1, 1, 0, 0;
+  calib::Camera out{
+      .name = "cam0",
+      .image_size = {camera.width, camera.height},
+      .model = calib::CameraModel(calib::PinholeRadtan{
+          .fx = focal_px, .fy = focal_px, .cx = (camera.width - 1) / 2.0, .cy = (camera.height - 1) / 2.0}),
+      .cam_from_world = {Eigen::Quaterniond(forwards), Eigen::Vector3d::Zero()},
+      .timing = {}};
+  calib::CameraRig rig{.cameras = {std::move(out)}};
+  rig.uncertainty = calib::RigUncertainty::of(
+      {{.lens_count = 8}}, usual_covariance(rig.cameras.front().image_size, focal_px, log_focal_sigma(fov_deg)));
   return fmt::format(
-      "# Written by huetrackd setup: one camera, not calibrated. Its picture is taken to be {:g} degrees wide; all\n"
-      "# distances scale with that. World: at the camera, x forwards, y to the left, z up, metres.\n"
-      "version: 1\n"
-      "cameras:\n"
-      "  cam0:\n"
-      "    image_size: [{}, {}]\n"
-      "    model: pinhole_radtan\n"
-      "    intrinsics: {{fx: {:.6g}, fy: {:.6g}, cx: {:g}, cy: {:g}}}\n"
-      "    distortion: [0, 0, 0, 0, 0]\n"
-      "    cam_from_world: {{rotation: [[0, -1, 0], [0, 0, -1], [1, 0, 0]], translation: [0, 0, 0]}}\n",
-      fov_deg, camera.width, camera.height, focal_px, focal_px, (camera.width - 1) / 2.0, (camera.height - 1) / 2.0);
+             "# Written by huetrackd setup: one camera, not calibrated. Its picture is taken to be {:g} degrees wide; "
+             "all\n"
+             "# distances scale with that. World: at the camera, x forwards, y to the left, z up, metres.\n",
+             fov_deg.value_or(assumed_fov_deg)) +
+         calib::to_yaml(rig);
 }
 
 std::string first_configuration(std::span<const SetUpCamera> cameras, double memory_bytes, const std::string& rig) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <span>
 #include <stop_token>
 #include <string>
@@ -33,14 +34,15 @@ void choose_rate(std::span<const capture::OfferedFormat> formats, SetUpCamera& c
 // rig: file name of the rig beside it; empty: the cameras are not calibrated yet.
 std::string first_configuration(std::span<const SetUpCamera> cameras, double memory_bytes, const std::string& rig = {});
 
-// Rig of one camera that nothing is known of but its horizontal field of view, degrees, 0 to 170 exclusive: no
-// distortion; world at the camera: x forwards, y to the left, z up.
-std::string rig_of_one_camera(const SetUpCamera& camera, double fov_deg);
+// Rig of one camera that is not calibrated, of a horizontal field of view in degrees, 0 to 170 exclusive; nullopt: 60
+// is assumed. No distortion; world at the camera: x forwards, y to the left, z up. Its uncertainty is that of usual
+// lenses (calib/model/usual_lens.h); of a stated field of view, 5 % of the focal length.
+std::string rig_of_one_camera(const SetUpCamera& camera, std::optional<double> fov_deg);
 
 struct SetUpCommand {
   std::filesystem::path config;
-  bool with_page = true;  // false: only write the file
-  double fov_deg = 60;    // horizontal field of view of a single camera
+  bool with_page = true;            // false: only write the file
+  std::optional<double> fov_deg{};  // horizontal field of view of a single camera
 };
 
 // An existing configuration is run as it stands. With one camera it also writes the rig (rig_of_one_camera()), beside

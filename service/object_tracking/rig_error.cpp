@@ -1,6 +1,7 @@
 #include "object_tracking/rig_error.h"
 
 #include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
 
 namespace huetrack::object_tracking {
@@ -26,7 +27,10 @@ void RigError::add(std::span<const Sighting> sightings) {
   for (const Sighting& s : sightings) {
     Eigen::Matrix2d covariance = s.covariance + s.inflation();
     covariance.diagonal().array() += s.bias_sigma_px * s.bias_sigma_px;
-    last_views_[std::size_t(s.row.camera)] = {true, s.row.at, covariance.inverse()};
+    const bool is_size_used = s.size && rig_.cameras.size() == 1;
+    last_views_[std::size_t(s.row.camera)] = {
+        true, s.row.at, covariance.inverse(),
+        is_size_used ? 1 / (s.size->log_sigma * s.size->log_sigma + s.size->log_bias * s.size->log_bias) : 0};
   }
 }
 
@@ -44,9 +48,12 @@ Eigen::Matrix3d RigError::left_open(const Eigen::Vector3d& position, capture::Ti
   for (std::size_t c = 0; c < last_views_.size(); ++c) {
     if (!last_views_[c].any) continue;
     const double share = std::exp(-std::abs(capture::seconds(at - last_views_[c].at)) / rig_error.memory_s);
-    if (share > negligible) views.push_back({int(c), share * last_views_[c].information});
+    if (share > negligible)
+      views.push_back({int(c), share * last_views_[c].information, share * last_views_[c].log_size_information});
   }
-  return calib::rig_covariance_at(rig_, position, views, elsewhere_);
+  const bool is_depth_measured =
+      std::ranges::any_of(views, [](const calib::PlaceView& view) { return view.log_size_information > 0; });
+  return calib::rig_covariance_at(rig_, position, views, is_depth_measured ? Eigen::Matrix3d::Zero() : elsewhere_);
 }
 
 }  // namespace huetrack::object_tracking

@@ -33,6 +33,7 @@ class RigError {
     bool any = false;
     capture::Timestamp at{};
     Eigen::Matrix2d information = Eigen::Matrix2d::Zero();  // 1/px^2
+    double log_size_information = 0;                        // with one camera
   };
   calib::CameraRig rig_;                           // with the uncertainty in use
   std::optional<calib::RigUncertainty> as_found_;  // that of the rig's file

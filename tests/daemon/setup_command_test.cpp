@@ -70,6 +70,20 @@ TEST_F(SetUp, OneCameraIsUsedWithoutACalibration) {
   EXPECT_GT(config.object_tracking.volume.min.x(), 0);
 }
 
+TEST_F(SetUp, AnUnknownLensIsInTheCovarianceOfPositions) {
+  const SetUpCamera camera{"/dev/video0", 640, 480, ""};
+  // By a measured direction and a measured size, which are exact: 1 sigma along the ray, as a share of the distance.
+  const auto share_along = [&](std::optional<double> fov_deg) {
+    std::ofstream(folder / "rig.yaml") << rig_of_one_camera(camera, fov_deg);
+    const calib::CameraRig rig = calib::read_rig(folder / "rig.yaml");
+    const calib::PlaceView view{0, 1e4 * Eigen::Matrix2d::Identity(), 1e8};
+    const Eigen::Matrix3d covariance = calib::rig_covariance_at(rig, {3, 0, 0}, std::span(&view, 1));
+    return std::sqrt(covariance(0, 0)) / 3;
+  };
+  EXPECT_NEAR(share_along(std::nullopt), 0.25, 0.01);
+  EXPECT_NEAR(share_along(70), 0.05, 0.002);
+}
+
 TEST_F(SetUp, TheLastMinuteTakesAQuarterOfTheMemoryAtMost) {
   const auto kept_mb = [this](double bytes_per_s, double memory_bytes) {
     const std::vector<SetUpCamera> cameras{{"/dev/video0", 640, 480, "", 30, bytes_per_s},

@@ -106,6 +106,27 @@ TEST(RigUncertainty, PredictsTheEffectOfCameraErrorsOnAPosition) {
   }
 }
 
+TEST(RigUncertainty, TheSizeInASingleViewGivesItsDepth) {
+  std::mt19937 rng(5);
+  std::normal_distribution<double> normal;
+  CameraRig rig = three_cameras();
+  rig.uncertainty = RigUncertainty::of(of_cameras, some_covariance(rng));
+  const Eigen::MatrixXd factor = rig.uncertainty->factor();
+  const Camera& camera = rig.cameras[0];
+  const auto focal = [](const Camera& of) { return std::sqrt(parameters_of(of.model).head<2>().prod()); };
+  const Eigen::Vector3d p(0.3, -0.4, 0.7);
+  const std::vector<PlaceView> one{{0, Eigen::Matrix2d::Identity(), 400}};
+  const Eigen::Matrix3Xd moved = position_gain_of_cameras(rig, *rig.uncertainty, p, one);
+  for (int draw = 0; draw < 20; ++draw) {
+    const Eigen::VectorXd errors = factor * Eigen::VectorXd::NullaryExpr(factor.cols(), [&] { return normal(rng); });
+    const Camera truth = with_errors(rig, errors).cameras[0];
+    const double size = focal(truth) / (truth.cam_from_world * p).norm();
+    const Eigen::Vector3d seen = *camera.model.ray(*truth.project_world(p)) * focal(camera) / size;
+    const Eigen::Vector3d off = inverse(camera.cam_from_world) * seen - p;
+    EXPECT_LT((off + moved * errors).norm(), 0.02 * off.norm() + 2e-5);
+  }
+}
+
 TEST(RigUncertainty, DepthOfASingleViewComesFromThePrior) {
   std::mt19937 rng(3);
   CameraRig rig = three_cameras();
