@@ -139,8 +139,9 @@ function show(): void {
   const isBoard = kind() === "board";
   $("calibrate-from-nothing").hidden = hasRig;
   $("calibrate-from-rig").hidden = !hasRig;
-  $("calibrate-last").classList.toggle("primary", hasRig);
-  $("calibrate-from-now").classList.toggle("primary", !hasRig); // what is missing shows while it records
+  // One button is what most do next. What is missing shows while it records.
+  for (const [id, isNext] of [["start", true], ["last", hasRig], ["from-now", !hasRig]] as const)
+    $(`calibrate-${id}`).classList.toggle("primary", isNext && now !== "usable");
   const isShown = { start: !isBusy() && isBoard, last: !isBusy() && !isBoard, "from-now": !isBusy() && !isBoard, stop: isRecording, cancel: isBusy() };
   for (const [id, isHere] of Object.entries(isShown)) $(`calibrate-${id}`).hidden = !isHere;
   const [step, done, total, details] = state?.progress ?? [];
