@@ -2,12 +2,17 @@
 // from boards, and of the focal lengths that wave estimates.
 #pragma once
 
+#include <string>
+
+#include "calib/model/camera_rig.h"
+
 namespace huetrack::calib {
 
 // From some 25 published calibrations of webcams and small cameras with fields of view of 40 to 110 degrees
 // (camera_info files of ROS users, Caliscope's webcams, Kinect 2, phones; calib/solver/EXPERIMENTS.md): root mean
 // squares, and of decentring the largest. They contain those calibrations' own errors, and so are rather too wide.
 struct UsualLensTuning {
+  double focal_of_width = 0.866;   // the middle: a picture 60 degrees wide, 1 / (2 tan(60 degrees / 2))
   double log_focal = 0.25;         // fields of view of 40 to 90 degrees
   double centre_share = 0.016;     // of the width: principal point from the middle, each axis
   double log_aspect = 0.003;       // fx over fy
@@ -15,5 +20,15 @@ struct UsualLensTuning {
   double decentring_share = 5e-3;  // the same by p1, p2
 };
 inline constexpr UsualLensTuning usual_lens;
+
+// A camera of which only name and picture size are known: the middle of that prior, without a pose.
+inline Camera guessed_camera(const std::string& name, ImageSize size) {
+  const double focal = usual_lens.focal_of_width * size.width;
+  Camera camera;
+  camera.name = name;
+  camera.image_size = size;
+  camera.model = CameraModel(PinholeRadtan{focal, focal, (size.width - 1) / 2.0, (size.height - 1) / 2.0, {}});
+  return camera;
+}
 
 }  // namespace huetrack::calib

@@ -65,7 +65,6 @@ void send(const wave::WaveCoverage& coverage, const calib::CameraRig& rig, gathe
 // One thread per camera, because reading waits for the next frame.
 ExitStatus cover_wave(const CoverageOptions& o, const std::stop_token& stop) {
   WavedOptions waved;
-  waved.recording = o.recording;
   waved.config = o.config;
   waved.targets = o.targets;
   const WavedInput in = configured_input(waved);

@@ -13,6 +13,7 @@ namespace {
 
 ExitStatus time(const WavedOptions& o, const std::stop_token& stop) {
   const WavedInput in = configured_input(o);
+  config::require_rig(*in.config);
   const wave::WaveOptions options{.radius_m = in.targets.front().radius_m, .hold_poses = true};
   for (const auto& problem : options.problems(in.rig)) throw gather::InputError(problem);
   return calibrate_and_write(o, in, options, stop, [&](wave::WaveResult& result, const report::WaveReport& report) {

@@ -6,13 +6,13 @@
 #include <optional>
 
 #include "calib/gather/picture_source.h"
+#include "calib/gather/progress_line.h"
 #include "calib/model/rig_yaml.h"
 #include "calib/program/commands.h"
 #include "calib/program/outcome.h"
 #include "calib/program/waved_ball.h"
 #include "calib/wave/wave.h"
 #include "recordings/recording.h"
-#include "recordings/replay_source.h"
 
 namespace huetrack::program {
 namespace {
@@ -24,25 +24,6 @@ struct WaveCommand : WavedOptions {
   std::optional<double> g, latitude, ball_mass_g;
   bool no_poses = false, guess_lenses = false, floor = false;
 };
-
-// The recording's cameras with lenses of 60 degrees, without distortion. throws as ReplaySource
-calib::CameraRig guessed_rig(const std::string& recording_file) {
-  if (recording_file.empty()) throw gather::InputError("without --config and --lens, give a recording");
-  constexpr double focal_of_width = 0.866;  // maths: 1 / (2 tan(60 degrees / 2))
-  const recordings::Recording recording = recordings::read_recording(recording_file);
-  std::vector<std::string> names;
-  for (const recordings::RecordedCamera& camera : recording.cameras) names.push_back(camera.name);
-  calib::CameraRig rig;
-  for (const recordings::ReplayCamera& of : recordings::ReplaySource(recording, names).cameras()) {
-    calib::Camera& camera = rig.cameras.emplace_back();
-    camera.name = names[rig.cameras.size() - 1];
-    camera.image_size = {of.width, of.height};
-    const double focal = focal_of_width * of.width;
-    camera.model =
-        calib::CameraModel(calib::PinholeRadtan{focal, focal, (of.width - 1) / 2.0, (of.height - 1) / 2.0, {}});
-  }
-  return rig;
-}
 
 WavedInput input_of(const WaveCommand& o) {
   if (!o.config.empty()) {
@@ -57,7 +38,13 @@ WavedInput input_of(const WaveCommand& o) {
   if (o.hue.empty())
     throw gather::InputError("give --config huetrackd.yaml; or, without one, the target's --hue and --radius");
   WavedInput in;
-  if (o.lenses.empty()) in.rig = guessed_rig(o.recording);
+  if (o.lenses.empty()) {
+    if (o.recording.empty()) throw gather::InputError("without --config and --lens, give a recording");
+    std::vector<std::string> names;
+    for (const auto& camera : recordings::read_recording(o.recording).cameras) names.push_back(camera.name);
+    in.rig = guessed_rig(o.recording, names);
+    in.has_rig = false;
+  }
   for (const auto& file : o.lenses) {
     const calib::CameraRig lens = calib::read_rig(file);
     in.rig.cameras.insert(in.rig.cameras.end(), lens.cameras.begin(), lens.cameras.end());
@@ -79,8 +66,9 @@ WavedInput input_of(const WaveCommand& o) {
 
 wave::WaveOptions wave_options(const WaveCommand& o, const WavedInput& in) {
   wave::WaveOptions options{.radius_m = in.targets.front().radius_m};
-  options.has_poses = !o.no_poses && in.config.has_value();
-  options.guessed_lenses = o.guess_lenses || (!in.config && o.lenses.empty());
+  options.has_poses = !o.no_poses && in.config.has_value() && in.has_rig;
+  options.guessed_lenses = o.guess_lenses || !in.has_rig;
+  options.guessed_radius = in.config && in.config->unsized_targets.contains(in.targets.front().name);
   if (!o.camera_distance.empty()) {
     wave::CameraDistance d;
     for (const int i : {0, 1}) {
@@ -103,16 +91,26 @@ wave::WaveOptions wave_options(const WaveCommand& o, const WavedInput& in) {
   options.latitude_deg = o.latitude;
   if (o.ball_mass_g) options.ball_kg = *o.ball_mass_g / 1e3;
   options.floor = o.floor;
-  if (in.config)
+  if (in.config && in.has_rig)
     options.volume = solver::WorldBox{in.config->object_tracking.volume.min, in.config->object_tracking.volume.max};
   for (const auto& problem : options.problems(in.rig)) throw gather::InputError(problem);
   return options;
+}
+
+// For a calling program: where the ball was, and its radius by the measured scale.
+void send_ball(const wave::WaveResult& result) {
+  const Eigen::Vector3d middle = (result.path_min + result.path_max) / 2;
+  const double radius_m = result.radius_m * result.size_ratio;
+  gather::send_to_program(
+      "ball", {fmt::format("{:.3f}", middle.x()), fmt::format("{:.3f}", middle.y()), fmt::format("{:.3f}", middle.z()),
+               result.scale.is_measured() ? fmt::format("{:.4f}", radius_m) : ""});
 }
 
 ExitStatus wave(const WaveCommand& o, const std::stop_token& stop) {
   if (o.marks.size() % 4 != 0) throw gather::InputError("--mark has four numbers: SECONDS X Y Z");
   const WavedInput in = input_of(o);
   const auto note = [&](wave::WaveResult& result, const report::WaveReport& report) {
+    if (gather::ProgressLine::is_machine_readable()) send_ball(result);
     const double expected_m = result.expected_in_volume_m.value_or(result.expected_m);
     result.rig.made = {.at = utc_now(), .temperature_c = o.temperature_c, .checks = {}};
     result.rig.made_by = {{"tool", "huetrack-calibrate " HUETRACK_VERSION " wave"},

@@ -14,6 +14,7 @@
 #include "calib/gather/picture_source.h"
 #include "calib/gather/progress_line.h"
 #include "calib/model/rig_yaml.h"
+#include "calib/model/usual_lens.h"
 #include "calib/program/outcome.h"
 #include "calib/solver/bundle_adjustment.h"
 #include "calib/wave/wave_coverage.h"
@@ -154,11 +155,19 @@ std::string names_of(const std::vector<object_tracking::TargetOptions>& targets)
   return fmt::to_string(fmt::join(names, ", "));
 }
 
+calib::CameraRig guessed_rig(const std::string& recording, const std::vector<std::string>& names) {
+  calib::CameraRig rig;
+  for (const recordings::ReplayCamera& of :
+       recordings::ReplaySource(recordings::read_recording(recording), names).cameras())
+    rig.cameras.push_back(calib::guessed_camera(names[rig.cameras.size()], {of.width, of.height}));
+  return rig;
+}
+
 WavedInput configured_input(const WavedOptions& o) {
   WavedInput in;
   in.config = config::load_service_config(o.config);
-  config::require_rig(*in.config);
-  in.rig = in.config->rig;
+  in.has_rig = in.config->is_calibrated();
+  in.rig = in.has_rig || o.recording.empty() ? in.config->rig : guessed_rig(o.recording, in.config->rig.camera_names());
   const auto& known = in.config->targets;
   const std::string names = names_of(known);
   if (o.targets.empty() && known.size() > 1)
@@ -190,7 +199,9 @@ ExitStatus calibrate_and_write(const WavedOptions& o, const WavedInput& in, wave
   options.progress = progress.progress();
   wave::WaveResult result = wave::calibrate_wave(in.rig, std::move(frames), options);
   progress.clear();
-  const report::WaveReport report = report::report_on(result);
+  const bool is_asked_by_page = gather::ProgressLine::is_machine_readable();
+  const report::WaveReport report =
+      report::report_on(result, is_asked_by_page ? report::Reader::page : report::Reader::terminal);
   std::fputs(report::to_text(report, result).c_str(), stdout);
   send_verdict(report.verdict, report::summary(report, result));
   if (!o.report.empty()) write_document(report::document_of(report, result), o.report);

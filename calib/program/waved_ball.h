@@ -33,12 +33,16 @@ void add_waved_options(CLI::App& command, WavedOptions& options);
 // The cameras to calibrate, and the ball.
 struct WavedInput {
   calib::CameraRig rig;
+  bool has_rig = true;  // false: of the cameras names and sizes are known, and the lenses are guesses
   std::vector<object_tracking::TargetOptions> targets;  // of one radius
   std::optional<config::ServiceConfig> config;
 };
 
-// From the configuration. throws gather::InputError, and as load_service_config()
+// From the configuration, whose rig may be none. throws gather::InputError, and as load_service_config()
 WavedInput configured_input(const WavedOptions& options);
+
+// The cameras of these names with guessed lenses and the sizes that they have in the recording. throws as ReplaySource
+calib::CameraRig guessed_rig(const std::string& recording, const std::vector<std::string>& names);
 
 std::string names_of(const std::vector<object_tracking::TargetOptions>& targets);
 

@@ -54,7 +54,7 @@ std::string source_text(const wave::ScaleSource& source, const WaveResult& resul
     case Kind::ball_size:
       break;
   }
-  return "the ball's radius, roughly";
+  return result.guessed_radius ? "a guess of the ball's radius" : "the ball's radius, roughly";
 }
 
 // All sources that count.
@@ -68,16 +68,21 @@ std::string scale_text(const WaveResult& result) {
   return text;
 }
 
-void doubt_scale(WaveReport& report, const WaveResult& result) {
+std::string scale_advice(const WaveResult& result, Reader reader) {
+  if (result.scale.is_measured())
+    return "measure a longer distance, or places further apart, or throw the ball more often";
+  const std::string throws = "throw the ball five times and let it bounce, or ";
+  if (reader == Reader::terminal) return throws + "give --camera-distance, --rest-distance or two marked points";
+  return throws + "type the distance of two cameras";
+}
+
+void doubt_scale(WaveReport& report, const WaveResult& result, Reader reader) {
   const bool is_measured = result.scale.is_measured();
   if (result.scale.sigma > poor_scale) {
-    report.doubts.push_back(fmt::format(
-        "the scale is from {}, which is accurate to only {:.1f} %: {}", report.scale_from, 1e2 * result.scale.sigma,
-        is_measured ? "measure a longer distance, or places further apart, or throw the ball more often"
-                    : "throw the ball five times and let it bounce, or give --camera-distance, --rest-distance or two "
-                      "marked points"));
+    report.doubts.push_back(fmt::format("the scale is from {}, which is accurate to only {:.1f} %: {}",
+                                        report.scale_from, 1e2 * result.scale.sigma, scale_advice(result, reader)));
   }
-  if (is_measured && (result.size_ratio < small_ball || result.size_ratio > large_ball)) {
+  if (is_measured && !result.guessed_radius && (result.size_ratio < small_ball || result.size_ratio > large_ball)) {
     report.doubts.push_back(fmt::format(
         "at this scale the ball appears {:.2f} times as large as its radius of {:.1f} mm: is the radius, or "
         "the measured distance, wrong?",
@@ -172,7 +177,7 @@ std::string volume_text(const WaveResult& result) {
 }
 
 // A given lens that the ball contradicts.
-void note_lenses(WaveReport& report, const WaveResult& result) {
+void note_lenses(WaveReport& report, const WaveResult& result, Reader reader) {
   for (std::size_t c = 0; c < result.cameras.size() && !result.guessed_lenses; ++c) {
     const WaveCamera& camera = result.cameras[c];
     if (camera.lens_px < wrong_lens_px) continue;
@@ -189,8 +194,9 @@ void note_lenses(WaveReport& report, const WaveResult& result) {
     if (is_focal)
       report.doubts.push_back(fmt::format(
           "{}'s focal length was given wrong, and positions may be several times less accurate than stated: calibrate "
-          "its lens with a board, or give the lenses as guesses (--guess-lenses)",
-          result.rig.cameras[c].name));
+          "its lens with a board{}",
+          result.rig.cameras[c].name,
+          reader == Reader::terminal ? ", or give the lenses as guesses (--guess-lenses)" : ""));
   }
 }
 
@@ -269,7 +275,7 @@ std::string vertical_text(const WaveResult& result, const wave::WaveVertical& ve
       vertical.tilt_rad < sigmas * vertical.sigma_rad ? "they agree" : "if z is meant to be up, set the world anew");
 }
 
-std::vector<std::string> notes_on(const WaveResult& result) {
+std::vector<std::string> notes_on(const WaveResult& result, Reader reader) {
   std::vector<std::string> notes;
   for (std::size_t c = 0; c < result.cameras.size(); ++c) {
     if (result.cameras[c].has_static_clutter)
@@ -285,8 +291,9 @@ std::vector<std::string> notes_on(const WaveResult& result) {
   if (result.marks_error_m) {
     notes.push_back(fmt::format("the marked points fit to {:.1f} mm", 1e3 * *result.marks_error_m));
   } else if (!result.had_poses) {
-    notes.push_back(fmt::format("the world's origin is {}, with z up {}; set it with huetrack-calibrate world",
-                                result.rig.cameras[0].name, result.vertical ? "by the throws" : "in its image"));
+    notes.push_back(fmt::format("the world's origin is {}, with z up {}{}", result.rig.cameras[0].name,
+                                result.vertical ? "by the throws" : "in its image",
+                                reader == Reader::terminal ? "; set it with huetrack-calibrate world" : ""));
   }
   if (result.vertical) notes.push_back(vertical_text(result, *result.vertical));
   return notes;
@@ -294,12 +301,12 @@ std::vector<std::string> notes_on(const WaveResult& result) {
 
 }  // namespace
 
-WaveReport report_on(const WaveResult& result) {
+WaveReport report_on(const WaveResult& result, Reader reader) {
   WaveReport report;
   if (!result.held_poses) report.scale_from = scale_text(result);
-  report.notes = notes_on(result);
-  note_lenses(report, result);
-  if (!result.held_poses) report.notes.push_back(volume_text(result));
+  report.notes = notes_on(result, reader);
+  note_lenses(report, result, reader);
+  if (!result.held_poses && reader == Reader::terminal) report.notes.push_back(volume_text(result));
   if (result.marks_error_m && *result.marks_error_m > far_mark_m) {
     report.doubts.push_back(
         fmt::format("a marked point has an error of {:.0f} mm: measure them again, and check the times",
@@ -307,7 +314,7 @@ WaveReport report_on(const WaveResult& result) {
   }
   if (!result.held_poses) {
     if (result.is_in_a_plane()) report.doubts.push_back(with_advice({wave::motion_in_a_plane(result.extent_m)}));
-    doubt_scale(report, result);
+    doubt_scale(report, result, reader);
     doubt_sources(report, result);
     doubt_measured(report, result);
   }
@@ -396,9 +403,11 @@ Table times_table(const WaveResult& result) {
 
 std::string summary(const WaveReport& report, const WaveResult& result) {
   std::string text = fmt::format("the rms error of the ball is {:.2f} px", result.rms_px);
-  if (!result.held_poses)
-    text += fmt::format(", the expected error of positions {:.1f} mm",
-                        1e3 * result.expected_in_volume_m.value_or(result.expected_m));
+  if (!result.held_poses) {
+    const double error_m = result.expected_in_volume_m.value_or(result.expected_m);
+    const double by_scale_m = result.expected_in_volume_m ? result.by_scale_in_volume_m : result.by_scale_m;
+    text = fmt::format("the expected error of positions is {:.1f} mm, {}", 1e3 * std::hypot(error_m, by_scale_m), text);
+  }
   if (!report.doubts.empty()) text += "; " + report.doubts.front();
   return text;
 }

@@ -1,6 +1,7 @@
 // Report on `huetrack-calibrate wave`.
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -17,10 +18,12 @@ struct WaveReport {
   std::string scale_from;  // "the distance between cam0 and cam1, 4.020 m"
 };
 
-WaveReport report_on(const wave::WaveResult& result);
+// Reads the report: a user at a terminal, or of the page, where options of a command mean nothing.
+enum class Reader : std::uint8_t { terminal, page };
+WaveReport report_on(const wave::WaveResult& result, Reader reader = Reader::terminal);
 
 std::string to_text(const WaveReport& report, const wave::WaveResult& result);
-// One clause: accuracy, and the first doubt.
+// One clause: the expected error of positions, and the first doubt.
 std::string summary(const WaveReport& report, const wave::WaveResult& result);
 Document document_of(const WaveReport& report, const wave::WaveResult& result);
 

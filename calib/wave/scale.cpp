@@ -215,7 +215,8 @@ Estimate of_throws(const Throws& throws, const WaveOptions& options) {
 
 std::vector<Estimate> estimates(const WaveSolution& wave, const calib::CameraRig& rig, const WaveOptions& options,
                                 const std::optional<Throws>& throws) {
-  constexpr double of_ball_size = 0.1;  // relative; light, blur and chroma
+  // Relative: light, blur and chroma; of a guess a factor of two.
+  const double of_ball_size = options.guessed_radius ? std::numbers::ln2 : 0.1;
   const Eigen::RowVectorXd none =
       Eigen::RowVectorXd::Zero((6 + lens_freedom) * static_cast<Eigen::Index>(rig.cameras.size()));
   std::vector<Estimate> out;

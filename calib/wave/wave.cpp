@@ -527,7 +527,7 @@ std::vector<solver::Reason> contradicting_sizes(const calib::CameraRig& rig, con
       found.push_back({fmt::format("{}by the rig the ball has a radius of about {:.0f} mm, and {:.3g} mm was given",
                                    found.empty() ? "" : "; and ", 1e3 * *radius_m, 1e3 * options.radius_m),
                        solver::Fault::wrong_radius});
-  } else if (looks && is_far_from_one(*looks)) {
+  } else if (looks && !options.guessed_radius && is_far_from_one(*looks)) {
     found.push_back(
         {fmt::format("at the scale that was given the ball looks {:.3g} times as large as its radius of {:.3g} mm says",
                      *looks, 1e3 * options.radius_m),
@@ -564,12 +564,12 @@ void set_scale_errors(WaveResult& result, const WaveSolution& wave, const calib:
 }
 
 // looks: see contradicting_sizes(). frames: by time.
-WaveResult calibrated(const calib::CameraRig& rig, std::vector<BallFrame>& frames, const WaveOptions& options,
+WaveResult calibrated(const calib::CameraRig& rig, std::vector<BallFrame>& frames, WaveOptions options,
                       std::optional<double>& looks) {
   WaveResult result;
   result.rig = rig;
   result.cameras.resize(rig.cameras.size());
-  result.radius_m = options.radius_m;
+  result.guessed_radius = options.guessed_radius;
   result.had_poses = options.has_poses;
   result.held_poses = options.hold_poses;
   result.guessed_lenses = options.guessed_lenses;
@@ -584,6 +584,9 @@ WaveResult calibrated(const calib::CameraRig& rig, std::vector<BallFrame>& frame
   // The expected size and the smoothness depend on the scale: refined again.
   if (!options.hold_poses) set_scale(wave, rig, options);
   looks = wave.size_ratio();
+  // Outlines of another size than expected count less. The solution refers to these options.
+  if (options.guessed_radius) options.radius_m *= *looks;
+  result.radius_m = options.radius_m;
   wave.refine(WaveSteps::refined_again);
   measure_path(result, wave, wave.observations());
   require_motion(result);

@@ -38,6 +38,7 @@ struct BallMark {
 
 struct WaveOptions {
   double radius_m = 0.04;       // > 0; of the ball
+  bool guessed_radius = false;  // radius_m is only roughly right, to a factor of two: the scale shows it
   double pixel_noise_px = 0.1;  // > 0; of an outline's centre; 0.02 of its radius is added
   bool has_poses = true;        // the rig's poses are roughly right; otherwise they are not used
   bool hold_poses = false;      // the rig's poses are exact: only the timing is estimated
@@ -121,7 +122,8 @@ struct WaveResult {
   calib::CameraRig rig;             // with poses, timing and uncertainty; with hold_poses its uncertainty is as given
   std::vector<WaveCamera> cameras;  // per camera of the rig
   std::vector<WavePair> pairs;      // all
-  double radius_m = 0;              // as given
+  double radius_m = 0;              // as given; a guessed one as the scale shows it
+  bool guessed_radius = false;      // see WaveOptions
   bool held_poses = false;          // see WaveOptions; scale and errors of positions are 0 then
   bool had_poses = false;           // WaveOptions::has_poses
   bool guessed_lenses = false;      // see WaveOptions

@@ -159,8 +159,12 @@ bool Taught::any() const {
 }
 
 ColorTeacher::ColorTeacher(const calib::CameraRig& rig, const capture::FrameSet& set,
-                           const std::vector<std::vector<capture::Image>>& others)
-    : rig_(rig), images_(rig.cameras.size()), moving_(rig.cameras.size()), has_others_(!others.empty()) {
+                           const std::vector<std::vector<capture::Image>>& others, bool has_poses)
+    : rig_(rig),
+      has_poses_(has_poses),
+      images_(rig.cameras.size()),
+      moving_(rig.cameras.size()),
+      has_others_(!others.empty()) {
   std::optional<capture::Timestamp> first_at;
   for (std::size_t c = 0; c < images_.size() && c < set.frames.size(); ++c) {
     const auto& frame = set.frames[c];
@@ -235,6 +239,7 @@ PixelMask ColorTeacher::background_of(const TaughtView& view, const std::vector<
 
 RadiusProposal ColorTeacher::radius(const Taught& taught, const object_tracking::IgnoredRegions& ignored,
                                     const object_tracking::Volume& volume) const {
+  if (!has_poses_) return {.why_not = "the cameras are not calibrated yet"};
   std::vector<BallMoment> moments(1);
   moments[0].pictures = pictures_of(moments_.front());
   moments[0].views = ball_of(taught);
@@ -326,7 +331,7 @@ std::vector<ColorTeacher::SeenElsewhere> ColorTeacher::seen_elsewhere(const Taug
                                                                       bool several) const {
   std::vector<SeenElsewhere> out;
   const std::vector<ColoredRegion> pointed = ball_of(taught);
-  const auto about = radius_of_regions(rig_, pointed);
+  const auto about = has_poses_ ? radius_of_regions(rig_, pointed) : std::nullopt;
   if (!about) return out;  // its size is unknown
   // As far as light may change its colour, whatever else has it: size and position distinguish the object from that.
   Taught in_any_light = taught;
@@ -398,6 +403,7 @@ Taught ColorTeacher::held_elsewhere(Taught taught, const TeachRequestOptions& re
 }
 
 void ColorTeacher::suggest(std::vector<TaughtView>& views, const object_tracking::Volume& volume) const {
+  if (!has_poses_) return;
   const auto picture = [this](std::size_t c) {
     return TaughtPicture{&rig_.cameras[c], &*images_[c], moving_[c] ? &*moving_[c] : nullptr};
   };
@@ -465,10 +471,11 @@ void ColorTeacher::judge(TaughtView& view, std::size_t camera, const std::string
   };
   if (!view.pointed) {
     text += !view.problem.empty() ? view.problem
-            : view.region
-                ? fmt::format("the object is probably at {}, {}: point at it to confirm",
-                              std::lround(view.region->centre.x()), std::lround(view.region->centre.y()))
-                : "no region fits what was pointed at in the other views; point at the object if it is in this picture";
+            : view.region         ? fmt::format("the object is probably at {}, {}: point at it to confirm",
+                                                std::lround(view.region->centre.x()), std::lround(view.region->centre.y()))
+            : has_poses_
+                ? "no region fits what was pointed at in the other views; point at the object if it is in this picture"
+                : "point at the object, if it is in this picture";
     // Where the object's place is unknown, what matches may be it.
     const bool is_placed = view.region.has_value();
     text += ". By what was learnt in " + color_of + ", " + percent(view.background_share) + " of the " +

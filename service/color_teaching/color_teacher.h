@@ -67,8 +67,10 @@ class ColorTeacher {
 
   // set: one slot per camera of the rig; a camera without a frame cannot be pointed into.
   // others: per camera, its pictures of other moments, which show what moves. May be empty.
+  // has_poses: false: of the rig only names and picture sizes are known. Then each picture teaches by itself: nothing
+  // is suggested in another one, and no size is measured.
   ColorTeacher(const calib::CameraRig& rig, const capture::FrameSet& set,
-               const std::vector<std::vector<capture::Image>>& others = {});
+               const std::vector<std::vector<capture::Image>>& others = {}, bool has_poses = true);
 
   const calib::CameraRig& rig() const { return rig_; }
 
@@ -117,6 +119,7 @@ class ColorTeacher {
   void suggest(std::vector<TaughtView>& views, const object_tracking::Volume& volume) const;
 
   calib::CameraRig rig_;
+  bool has_poses_;
   std::vector<std::optional<HsiImage>> images_;
   std::vector<std::optional<PixelMask>> moving_;  // per camera
   bool has_others_;

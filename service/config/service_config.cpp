@@ -18,6 +18,7 @@
 #include "calib/files/number_text.h"
 #include "calib/files/text_file.h"
 #include "calib/model/rig_yaml.h"
+#include "calib/model/usual_lens.h"
 #include "calib/yaml/hints.h"
 #include "calib/yaml/yaml_reader.h"
 #include "capture/network_source.h"
@@ -875,16 +876,14 @@ void take_latencies(ServiceConfig& config, const yaml::YamlReader& root) {
   }
 }
 
-// A rig of the configuration's cameras with invented lenses; only names and sizes are used.
+// A rig of the configuration's cameras with guessed lenses: names and sizes are known, and no pose.
 calib::CameraRig rig_before_calibration(const std::vector<LiveCameraConfig>& cameras) {
   constexpr calib::ImageSize usual{640, 480};
   calib::CameraRig rig;
   for (const LiveCameraConfig& live : cameras) {
-    calib::Camera& camera = rig.cameras.emplace_back();
-    camera.name = live.name;
-    camera.image_size = live.crop ? calib::ImageSize{live.crop->width, live.crop->height} : live.size.value_or(usual);
-    const double width = camera.image_size.width, height = camera.image_size.height;
-    camera.model = calib::CameraModel(calib::PinholeRadtan{width, width, (width - 1) / 2, (height - 1) / 2});
+    const calib::ImageSize size =
+        live.crop ? calib::ImageSize{live.crop->width, live.crop->height} : live.size.value_or(usual);
+    rig.cameras.push_back(calib::guessed_camera(live.name, size));
   }
   return rig;
 }

@@ -409,14 +409,16 @@ fs::path remove_target(const fs::path& config, const std::string& target) {
   });
 }
 
-fs::path save_rig(const fs::path& config, const fs::path& rig) {
+fs::path save_rig(const fs::path& config, const fs::path& rig, const std::optional<CalibratedBy>& by) {
   return save(config, "calibration", [&](Draft& draft) {
     const bool was_calibrated = draft.config.is_calibrated();
     draft.config.rig_file = rig;
     draft.give({"rig"});
+    if (by && by->radius_m && draft.config.unsized_targets.contains(by->target))
+      set_radius(draft, by->target, *by->radius_m);
     const yaml::KeyPath min = {"object_tracking", "volume", "min"}, max = {"object_tracking", "volume", "max"};
     if (was_calibrated || draft.is_said(min) || draft.is_said(max)) return;
-    const auto box = box_seen_by_two(calib::read_rig(rig));
+    const auto box = box_seen_by_two(calib::read_rig(rig), by ? by->middle : Eigen::Vector3d(0, 0, 0));
     if (!box) return;
     draft.config.object_tracking.volume = *box;
     draft.give(min);
@@ -424,17 +426,18 @@ fs::path save_rig(const fs::path& config, const fs::path& rig) {
   });
 }
 
-std::optional<object_tracking::Volume> box_seen_by_two(const calib::CameraRig& rig) {
-  constexpr double reach = 1.5;  // times the cameras' mean distance from the origin
+std::optional<object_tracking::Volume> box_seen_by_two(const calib::CameraRig& rig, const Eigen::Vector3d& middle) {
+  constexpr double reach = 1.5;  // times the cameras' mean distance from the middle
   constexpr int steps = 32;      // along each axis of a cube
   double distance_m = 0;
-  for (const calib::Camera& camera : rig.cameras) distance_m += camera.centre().norm() / double(rig.cameras.size());
+  for (const calib::Camera& camera : rig.cameras)
+    distance_m += (camera.centre() - middle).norm() / double(rig.cameras.size());
   const double half_m = reach * distance_m, step_m = 2 * half_m / steps;
   constexpr double none = std::numeric_limits<double>::infinity();
   object_tracking::Volume box{Eigen::Vector3d::Constant(none), Eigen::Vector3d::Constant(-none)};
   for (int i = 0; i < steps * steps * steps; ++i) {
     const Eigen::Array3d cell = Eigen::Array3i(i % steps, i / steps % steps, i / (steps * steps)).cast<double>();
-    const Eigen::Vector3d p = (cell + 0.5) * step_m - half_m;
+    const Eigen::Vector3d p = middle + Eigen::Vector3d((cell + 0.5) * step_m - half_m);
     const auto views = std::ranges::count_if(rig.cameras, [&](const calib::Camera& camera) {
       const auto pixel = camera.project_world(p);
       return pixel && camera.contains(*pixel) && (p - camera.centre()).norm() < half_m;

@@ -41,12 +41,20 @@ std::filesystem::path rename_target(const std::filesystem::path& config, const s
                                     const std::string& to);
 std::filesystem::path remove_target(const std::filesystem::path& config, const std::string& target);
 
+// The target that a rig was calibrated by.
+struct CalibratedBy {
+  std::string target;
+  Eigen::Vector3d middle;          // of the places where it was, in the rig's world
+  std::optional<double> radius_m;  // as the cameras saw it; nullopt: nothing but a guess of it gave the scale
+};
 // Replaces the configuration's rig, or `rig: none`. If there was none and no volume is set, the volume becomes
-// box_seen_by_two(), because the new world frame is arbitrary.
-std::filesystem::path save_rig(const std::filesystem::path& config, const std::filesystem::path& rig);
-// Bounding box of the points that at least two cameras see, up to 1.5 times their mean distance from the world's
-// origin, in whole centimetres. nullopt: no such points.
-std::optional<object_tracking::Volume> box_seen_by_two(const calib::CameraRig& rig);
+// box_seen_by_two(), because the new world frame is arbitrary: around where the target was, or the world's origin,
+// where a board was. A measured radius replaces the default of the target.
+std::filesystem::path save_rig(const std::filesystem::path& config, const std::filesystem::path& rig,
+                               const std::optional<CalibratedBy>& by = {});
+// Bounding box of the points that at least two cameras see, up to 1.5 times their mean distance from the middle, in
+// whole centimetres. nullopt: no such points.
+std::optional<object_tracking::Volume> box_seen_by_two(const calib::CameraRig& rig, const Eigen::Vector3d& middle);
 
 // Saves the given controls of a live camera; others stay.
 std::filesystem::path save_controls(const std::filesystem::path& config, const std::string& camera,

@@ -99,6 +99,10 @@ void write_first_configuration(const SetUpCommand& command, const std::stop_toke
     fmt::print("  {} ({}x{}{}, {})\n", camera.device.string(), camera.width, camera.height,
                camera.fps > 0 ? fmt::format(" at {:.4g} frames/s", camera.fps) : "",
                files::printable(camera.model));  // text from the device
+  if (cameras.size() > 1)
+    fmt::print(
+        "The page leads on: click on your ball in each picture, wave it for a minute, throw it five times, done. No "
+        "board, no lens data and no tape are needed; with a printed board it is more accurate.\n");
   fmt::print(
       "The page may teach colours, calibrate and record, and so may every participant of this DDS domain. When all is "
       "set up, remove the line `control:` from the file, or keep DDS on this host: dds: {{interfaces: [lo]}}, and "
@@ -184,7 +188,7 @@ std::string rig_of_one_camera(const SetUpCamera& camera, std::optional<double> f
 std::string first_configuration(std::span<const SetUpCamera> cameras, double memory_bytes, const std::string& rig) {
   std::string text =
       "# Written by huetrackd setup: the cameras of this host. The page of `huetrack view` guides you: exposure,\n"
-      "# calibration, targets. It saves changes in a separate file; edit this one as you like: every "
+      "# the ball's colour, calibration. It saves changes in a separate file; edit this one as you like: every "
       "key\n"
       "# is in configs/huetrackd.yaml (/etc/huetrack/huetrackd.yaml of the package).\n"
       "version: 1\n";

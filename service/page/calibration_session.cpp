@@ -14,7 +14,6 @@
 
 #include "calib/files/temporary_folder.h"
 #include "calib/model/rig_yaml.h"
-#include "config/taught_file.h"
 #include "page/request_words.h"
 
 namespace huetrack::page {
@@ -185,6 +184,7 @@ void CalibrationSession::begin(Kind kind, const config::ServiceConfig& config) {
   child_.reset();
   has_board_ = false;
   camera_distance_.clear();
+  calibrated_by_.reset();
   end_at_.reset();
   for (std::string* text : {&says_, &last_line_, &step_, &done_, &total_, &details_, &verdict_}) text->clear();
   coverage_.clear(), next_coverage_.clear(), needs_.clear(), next_needs_.clear();
@@ -222,7 +222,6 @@ void CalibrationSession::begin_wave(Words words, const config::ServiceConfig& co
   pipeline::RecordingKeeper& keeper = needed(recording);
   const auto target = std::ranges::find(config.targets, words[0], &object_tracking::TargetOptions::name);
   if (target == config.targets.end()) throw std::runtime_error(fmt::format("there is no target {}", words[0]));
-  if (!config.is_calibrated()) throw std::runtime_error("the lenses are not known yet: calibrate with a board first");
   if (!config::is_taught(*target))
     throw std::runtime_error(fmt::format("{} has no colour yet: teach it first", words[0]));
   require_pictures(config);
@@ -244,7 +243,8 @@ void CalibrationSession::begin_wave(Words words, const config::ServiceConfig& co
   if (seconds) {
     folder_ = keeper.start_anew("wave");
     end_at_ = began_at_ + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(*seconds));
-    says_ = fmt::format("wave {} through the whole volume for {:g} s", target_, *seconds);
+    says_ = fmt::format("wave {} through the whole volume{} for {:g} s", target_,
+                        config.is_calibrated() ? "" : ", then throw it five times and let it bounce,", *seconds);
     try {
       start({"coverage", folder_.string(), "--config=" + config_file_.string(), "--target=" + target_});
     } catch (const std::runtime_error& error) {  // optional for the calibration
@@ -454,6 +454,10 @@ void CalibrationSession::parse(const std::string& line) {
     next_needs_.push_back(fields[1]);
   } else if (fields[0] == "verdict" && fields.size() >= 3) {
     verdict_ = fields[2];
+  } else if (fields[0] == "ball" && fields.size() >= 5) {
+    calibrated_by_ = {.target = target_,
+                      .middle = {real_of(fields[1]), real_of(fields[2]), real_of(fields[3])},
+                      .radius_m = finite_number(fields[4])};
   }
 }
 
@@ -513,7 +517,7 @@ fs::path CalibrationSession::accept(Words words, const config::ServiceConfig& co
   if (fs::exists(place, none)) throw std::runtime_error(place.string() + " is there already");
   calib::write_rig(rig, place);
   try {
-    config::save_rig(config.file, place);
+    config::save_rig(config.file, place, calibrated_by_);
   } catch (const std::exception&) {  // it lacks a camera of the configuration
     fs::remove(place, none);
     throw;

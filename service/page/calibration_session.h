@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "config/service_config.h"
+#include "config/taught_file.h"
 #include "idl/huetrack_view.h"
 #include "page/child_process.h"
 #include "pipeline/recording_keeper.h"
@@ -86,7 +87,8 @@ class CalibrationSession {
   Kind kind_ = Kind::board;
   std::filesystem::path program_, folder_, config_file_, rig_before_;  // rig_before_: empty: none
   std::string target_;                                                 // of a wave
-  std::vector<std::string> camera_distance_;  // of a wave: two cameras and metres; empty: not measured
+  std::vector<std::string> camera_distance_;           // of a wave: two cameras and metres; empty: not measured
+  std::optional<config::CalibratedBy> calibrated_by_;  // of a wave that was solved
   // A board for printing: the request and its PDF.
   std::vector<std::string> printed_for_;
   std::vector<std::uint8_t> print_;

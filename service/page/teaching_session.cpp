@@ -158,7 +158,6 @@ std::string warnings(const color_teaching::Lesson& lesson, std::optional<double>
 }  // namespace
 
 std::string TeachingSession::why_not(const config::ServiceConfig& config) {
-  if (!config.is_calibrated()) return "The cameras are not calibrated yet: calibrate them first.";
   if (config.control.allow_teach) return "";
   return fmt::format(
       "The configuration does not allow it. Set control: {{allow_teach: true}} in {}, then reload it: kill -HUP {} (or "
@@ -178,7 +177,7 @@ msg::TeachReply TeachingSession::freeze(const msg::TeachRequest& request, const 
   if (const std::string why = why_not(config); !why.empty()) return refusal(request, why);
   msg::TeachReply reply = reply_to(request);
   const capture::FrameSet set = pictures_of(shown);
-  teacher_.emplace(config.rig, set);
+  teacher_.emplace(config.rig, set, std::vector<std::vector<capture::Image>>(), config.is_calibrated());
   read_moments();
   client_ = request.client();
   set_number_ = moment_number_ = set.number;

@@ -3,6 +3,7 @@
 #include "page/calibration_session.h"
 
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
@@ -133,12 +134,14 @@ class Calibrating : public Scratch {
     fs::copy_file(demo, folder / "rig.yaml");
     write("rig: rig.yaml");
   }
-  void write(const std::string& rig) {
+  void write(const std::string& rig, const std::string& radius = "radius_m: 0.04, ") {
     std::ofstream(folder / "c.yaml")
         << "version: 1\n"
         << rig << "\n"
         << "cameras: {cam0: {device: 0, size: [320, 240]}, cam1: {device: 1, size: [320, 240]}}\n"
-           "targets: {ball: {radius_m: 0.04, color: {hue_deg: [65, 115]}}, new: {}}\n"
+           "targets: {ball: {"
+        << radius
+        << "color: {hue_deg: [65, 115]}}, new: {}}\n"
            "record: {folder: recordings, pre_roll_s: 3, after_s: 0, on_lost: false}\n"
            "control: {allow_teach: true, allow_record: true}\n";
     config = config::load_service_config(folder / "c.yaml");
@@ -308,11 +311,10 @@ TEST_F(Calibrating, ABoardIsRecordedCoveredSolvedAndAccepted) {
   EXPECT_EQ(calib::rig_identity(config::load_service_config(folder / "c.yaml").rig), calib::rig_identity(config.rig));
 }
 
-TEST_F(Calibrating, RefusesWithoutPreconditions) {
+TEST_F(Calibrating, TheFirstRigIsFromABoard) {
   calib::write_rig(config.rig, folder / "found.yaml");
   write("rig: none");
   begin(fake(folder));
-  EXPECT_THAT(ask({"wave", "ball", "30"}).reason(), HasSubstr("calibrate with a board first"));
   ASSERT_TRUE(ask({"board"}).granted());
   ASSERT_TRUE(comes([&] {
     frame();
@@ -325,6 +327,38 @@ TEST_F(Calibrating, RefusesWithoutPreconditions) {
   EXPECT_THAT(text_of(folder / "asked"), AllOf(HasSubstr("--type=charuco"), Not(HasSubstr("--intrinsics"))));
   ASSERT_TRUE(ask({"accept"}).granted());
   EXPECT_TRUE(config::load_service_config(folder / "c.yaml").is_calibrated());
+}
+
+// No lens is known. The world is at the first camera, so that targets are looked for where the ball was; and what the
+// throws show of its radius replaces the default.
+TEST_F(Calibrating, OrFromTheBallAlone) {
+  calib::CameraRig found = config.rig;
+  const Eigen::Vector3d middle(0, 0, 1), origin = found.cameras[0].centre();
+  for (calib::Camera& camera : found.cameras)
+    camera.cam_from_world.translation += camera.cam_from_world.rotation * origin;
+  calib::write_rig(found, folder / "found.yaml");
+  const Eigen::Vector3d there = middle - origin;
+  const std::string ball =
+      fmt::format("printf '@ball\\t{:.3f}\\t{:.3f}\\t{:.3f}\\t0.0332\\n'; cp ", there.x(), there.y(), there.z());
+  write("rig: none", "");
+  begin(with(fake(folder), "cp ", ball));
+  const msg::ControlReply begun = ask({"wave", "ball", "5"});
+  ASSERT_TRUE(begun.granted()) << begun.reason();
+  EXPECT_THAT(state()["says"].at(0), HasSubstr("then throw it five times and let it bounce"));
+  ASSERT_TRUE(comes([&] {
+    frame();
+    session->poll(&*keeper);
+    return state().contains("need");
+  }));
+  ASSERT_TRUE(ask({"stop"}).granted());
+  ASSERT_TRUE(becomes("usable")) << log;
+  ASSERT_TRUE(ask({"accept"}).granted());
+  const config::ServiceConfig now = config::load_service_config(folder / "c.yaml");
+  EXPECT_TRUE(now.is_calibrated());
+  EXPECT_NEAR(now.targets.at(0).radius_m, 0.0332, 1e-9);
+  const object_tracking::Volume& volume = now.object_tracking.volume;
+  EXPECT_TRUE((volume.min.array() < there.array() - 0.3).all() && (there.array() + 0.3 < volume.max.array()).all())
+      << volume.min.transpose() << " to " << volume.max.transpose() << " around " << there.transpose();
 }
 
 TEST_F(Calibrating, ADoubtfulResultNeedsConfirmation) {

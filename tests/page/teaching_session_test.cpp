@@ -149,6 +149,34 @@ TEST(TeachingSession, AHeldReplayKnowsWhatMoves) {
   EXPECT_GE(by_all, asked * 8 / 10);
 }
 
+// Without poses nothing is suggested, and the size of the object is unknown.
+TEST(TeachingSession, EachPictureTeachesBeforeTheCalibration) {
+  const scene::Scene world = scene::SceneBuilder().cameras_on_ring({.count = 2}).ball({}).build();
+  const auto sets = scene::render(world, {.set_count = 1});
+  config::ServiceConfig config = config_that_allows(true);
+  config.rig = world.rig;
+  config.rig_file.clear();
+  config.unsized_targets.insert(config.targets[0].name);
+  TeachingSession session{{.reload = [] { return std::string(); }, .resume = {}}};
+  ASSERT_TRUE(session.freeze(request_of(msg::TEACH_ACTION_FREEZE), config, sets[0]).granted());
+  msg::TeachRequest look = request_of(msg::TEACH_ACTION_LOOK);
+  look.target(config.targets[0].name);
+  for (std::size_t c = 0; c < 2; ++c) {
+    msg::TeachPoint& point = look.points().emplace_back();
+    const Eigen::Vector2d px = world.rig.cameras[c].project_world(world.ball_at(0, sets[0].at))->px;
+    point.camera(world.rig.cameras[c].name);
+    point.pixel({px.x(), px.y()});
+    const msg::TeachReply reply = session.answer(look, config);
+    EXPECT_TRUE(reply.granted()) << reply.reason();
+    EXPECT_THAT(reply.reason(), AllOf(StartsWith(c == 0 ? "Learnt from 1 of 2" : "Learnt from 2 of 2"),
+                                      HasSubstr("cannot be measured: the cameras are not calibrated yet")));
+    EXPECT_TRUE(std::isnan(reply.radius_m()));
+    if (c > 0) continue;
+    EXPECT_TRUE(std::isnan(reply.cameras()[1].region_pixel()[0])) << "nothing is suggested";
+    EXPECT_THAT(reply.cameras()[1].verdict(), HasSubstr("point at the object, if it is in this picture"));
+  }
+}
+
 TEST(TeachingSession, AnUnreadableRecordingIsReported) {
   const scene::Scene world = scene::SceneBuilder().cameras_on_ring({.count = 2}).ball({}).build();
   const auto sets = scene::render(world, {.set_count = 1});

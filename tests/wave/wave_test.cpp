@@ -495,6 +495,31 @@ TEST(Wave, FiveThrowsSetScaleAndVertical) {
   EXPECT_THAT(report::report_on(r).notes, Contains(StartsWith("the world's z axis is vertical")));
 }
 
+// Of the ball nothing is known but its colour: the throws show its radius. The one that was guessed does not count.
+TEST(Wave, ThrowsShowTheRadius) {
+  const calib::CameraRig truth = rig_of(3);
+  WaveOptions options;
+  options.has_poses = false, options.radius_m = 0.06, options.guessed_radius = true;  // of 40 mm
+  const WaveResult r = waved_and_thrown(truth, options);
+  EXPECT_LT(std::abs(scale_of(r.rig, truth) - 1), 0.007);
+  EXPECT_NEAR(r.radius_m * r.size_ratio, 0.04, 0.001);
+  EXPECT_TRUE(is_usable(r)) << report::to_text(report::report_on(r), r);
+}
+
+// The page has no options of a command.
+TEST(Wave, AdvisesOfTheScaleInTheWordsOfItsReader) {
+  const calib::CameraRig truth = rig_of(3);
+  WaveOptions options;
+  options.has_poses = false, options.guessed_radius = true;
+  const WaveResult r = calibrate_wave(truth, waved(truth, {.seconds = 10}), options);
+  EXPECT_THAT(report::report_on(r).doubts,
+              Contains(AllOf(StartsWith("the scale is from a guess of the ball's radius"),
+                             HasSubstr("or give --camera-distance, --rest-distance or two marked points"))));
+  const report::WaveReport on_page = report::report_on(r, report::Reader::page);
+  EXPECT_THAT(on_page.doubts, Contains(HasSubstr("let it bounce, or type the distance of two cameras")));
+  EXPECT_THAT(report::to_text(on_page, r), testing::Not(testing::AnyOf(HasSubstr("--"), HasSubstr("huetrack-cal"))));
+}
+
 TEST(Wave, NamesATapeThatContradictsTheThrows) {
   const calib::CameraRig truth = rig_of(3);
   WaveOptions options = taped(truth);

@@ -121,11 +121,7 @@ function changed(before: string): void {
 const share = (done: string, total: string) => (Number(total) > 0 ? Math.min(1, Number(done) / Number(total)) : null);
 
 function show(): void {
-  // The object needs known lenses.
   const hasRig = (store.scene?.cameras ?? []).every((c) => c.model);
-  const choices = [...document.querySelectorAll<HTMLInputElement>("input[name=calibrate-kind]")];
-  for (const choice of choices) choice.disabled = choice.value === "wave" && !hasRig;
-  if (!hasRig) choices.find((choice) => choice.value === "board")!.checked = true;
   const now = word("state");
   const lamp = $("calibrate-lamp");
   const names: Record<string, string> = { recording: "recording", closing: "recorded", solving: "calibrating", usable: "usable", doubtful: "doubtful" };
@@ -141,7 +137,11 @@ function show(): void {
   $("calibrate-stop").textContent = isEnough ? "That is enough: calibrate" : "Stop, and calibrate";
   $("calibrate-stop").classList.toggle("primary", isEnough);
   const isBoard = kind() === "board";
-  $("calibrate-no-wave").hidden = hasRig;
+  $("calibrate-from-nothing").hidden = hasRig;
+  $("calibrate-from-rig").hidden = !hasRig;
+  // One button is what most do next. What is missing shows while it records.
+  for (const [id, isNext] of [["start", true], ["last", hasRig], ["from-now", !hasRig]] as const)
+    $(`calibrate-${id}`).classList.toggle("primary", isNext && now !== "usable");
   const isShown = { start: !isBusy() && isBoard, last: !isBusy() && !isBoard, "from-now": !isBusy() && !isBoard, stop: isRecording, cancel: isBusy() };
   for (const [id, isHere] of Object.entries(isShown)) $(`calibrate-${id}`).hidden = !isHere;
   const [step, done, total, details] = state?.progress ?? [];
@@ -157,6 +157,7 @@ function show(): void {
       ? `${step}${Number(total) > 0 ? `, ${Math.round(100 * part!)} %` : ""}${details ? ` (${details})` : ""}`
       : word("says");
   $("calibrate-needs").replaceChildren(...(isRecording ? needs.slice(0, mostNeeds) : []).map((text) => Object.assign(document.createElement("li"), { textContent: text })));
+  $("calibrate-enough").textContent = ofBoard || hasRig ? "Nothing is missing." : "Nothing is missing, once it was thrown five times.";
   $("calibrate-enough").hidden = !(isRecording && coverage.size > 0 && needs.length === 0);
   const isResult = now === "usable" || now === "doubtful";
   $("calibrate-accept").hidden = !isResult;
@@ -166,9 +167,11 @@ function show(): void {
   $("calibrate-report").hidden = word("report") !== "true" || isBusy();
   const preRoll = Number(word("pre_roll_s"));
   $("calibrate-last").textContent = preRoll > 0 ? `Use the last ${preRoll} s` : "Use the last seconds";
-  setOptions($<HTMLSelectElement>("calibrate-target"), (store.scene?.targets ?? []).map((t) => [t.name, t.name]));
+  const targets = store.scene?.targets ?? [];
+  setOptions($<HTMLSelectElement>("calibrate-target"), targets.map((t) => [t.name, t.name]));
   const wait = isActing ? "wait for the service" : "";
-  const noTarget = field("target").value ? "" : "there is no target yet";
+  const chosen = targets.find((t) => t.name === field("target").value);
+  const noTarget = !chosen ? "there is no target yet: add it under Targets" : chosen.colors.length ? "" : `${chosen.name} has no colour yet: teach it`;
   enable($("calibrate-print"), isPrinting ? "it is being made" : "");
   enable($("calibrate-last"), wait || noTarget || (preRoll > 0 ? "" : "the configuration keeps no last seconds (record: {pre_roll_s: 60})"));
   for (const id of ["start", "stop", "cancel", "accept"]) enable($(`calibrate-${id}`), wait);
@@ -339,8 +342,7 @@ export function updateCalibration(serving: boolean): void {
 
 // From the first steps and the warnings.
 export function openCalibration(what: "board" | "wave" | "" = ""): void {
-  const choice = document.querySelector<HTMLInputElement>(`input[name=calibrate-kind][value=${what || "board"}]`)!;
-  if (what && !choice.disabled) choice.checked = true;
+  if (what) document.querySelector<HTMLInputElement>(`input[name=calibrate-kind][value=${what}]`)!.checked = true;
   showTool("calibrate");
 }
 

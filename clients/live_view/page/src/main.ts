@@ -403,7 +403,7 @@ function tick(): void {
   write($("targets-title"), store.trackedCameras.size === 0 ? "Targets" : store.targets.size === 0 ? "Tracked camera" : "Targets and tracked camera");
   $("no-targets").hidden = store.targets.size + store.trackedCameras.size > 0;
   write($("no-targets"), awaited(serving));
-  const hasPlaces = store.scene !== null && (store.scene.targets.length > 0 || store.scene.cameras.some((c) => c.model) || store.trackedCameras.size > 0);
+  const hasPlaces = store.scene !== null && (store.scene.cameras.some((c) => c.model) || store.trackedCameras.size > 0);
   $("no-scene").hidden = hasPlaces || canvas.hidden;
   canvas.classList.toggle("bare", !hasPlaces); // hides an empty scene
   write($("no-scene"), store.scene

@@ -25,7 +25,7 @@ const setUp = (names: string[]): Action | null => {
   const camera = names.find((name) => isCamera(name) && hasControls(name));
   return camera && mayChange() && store.status?.mode === "run" ? [`Set up ${camera}…`, () => openControls(camera)] : null;
 };
-const calibrate = (what: "board" | "wave") => (): Action | null =>
+const calibrate = (what: "board" | "wave" | "") => (): Action | null =>
   store.status?.mode === "run" && !calibrationRefused() ? [what === "wave" ? "Measure by waving…" : "Calibrate…", () => openCalibration(what)] : null;
 const teach = (names: string[]): Action | null => {
   const target = (store.scene?.targets.find((t) => names.some((name) => name === t.name || name.startsWith(`${t.name} in `))) ?? store.scene?.targets[0])?.name;
@@ -36,7 +36,7 @@ const health = (): Action => ["Health…", () => show("health")];
 
 const light = "light"; // kinds of this family contradict "the exposure is well"
 const kinds: (Kind & { family?: string })[] = [
-  { is: /^the cameras are not calibrated/, level: "bad", says: "The cameras are not calibrated, so nothing is tracked", act: calibrate("board") },
+  { is: /^the cameras are not calibrated/, level: "bad", says: "The cameras are not calibrated, so nothing is tracked", act: calibrate("") },
   { is: /time stamps are arrival times/, level: "info", says: "no time stamps of their own and an unknown latency: positions of fast objects are less certain", act: calibrate("wave") },
   { is: /automatic exposure is on|exposure is automatic/, level: "warn", family: light, says: "the exposure is automatic, or the light changes: colours drift", act: setUp },
   { is: /automatic white balance is on/, level: "warn", family: light, says: "the white balance is automatic, or the light changes: colours drift", act: setUp },

@@ -18,7 +18,7 @@ interface Step {
   isDone: boolean;
   says: string; // the result, or what is missing
   how?: string; // a command, or lines of a file
-  button?: [string, () => void];
+  buttons?: [string, () => void][]; // the first one is what most do
 }
 
 // By default a target's pixels have an intensity of 0.1 to 0.95 (configs/huetrackd.yaml).
@@ -48,7 +48,7 @@ function cameras(): Step {
     isDone: false,
     says: bad.map((c) => `${c.name} is ${c.health}${c.message ? `: ${c.message}` : ""}.`).join(" ") +
       (bad.every((c) => hasControls(c.name)) ? " Check its cable, and that no other program uses it." : " Check that it is on, and its cable or address."),
-    button: ["Health…", () => show("health")],
+    buttons: [["Health…", () => show("health")]],
   };
 }
 
@@ -62,8 +62,8 @@ function exposure(lights: [string, Light | null][]): Step {
   const restless = lightTrouble();
   if (!dark.length && !bright.length && restless) {
     const which = restless.cameras.find(hasControls);
-    const button: Step["button"] = which && mayChange() ? [`Set up ${which}…`, () => openControls(which)] : undefined;
-    return { title, isDone: true, says: `Bright enough, but ${restless.text}${button ? "" : "; set it in the camera's own program"}.`, button };
+    const buttons: Step["buttons"] = which && mayChange() ? [[`Set up ${which}…`, () => openControls(which)]] : undefined;
+    return { title, isDone: true, says: `Bright enough, but ${restless.text}${buttons ? "" : "; set it in the camera's own program"}.`, buttons };
   }
   if (!dark.length && !bright.length) return { title, isDone: true, says: "Neither too dark nor too bright." };
   const says = [
@@ -73,8 +73,17 @@ function exposure(lights: [string, Light | null][]): Step {
   const name = (dark[0] ?? bright[0])[0];
   const how = dark.length ? "more light, a longer exposure or more gain" : "a shorter exposure or less gain";
   if (mayChange() && hasControls(name))
-    return { title, isDone: false, says: `${says.join(" ")} Give it ${how}, and save.`, button: [`Set up ${name}…`, () => openControls(name)] };
+    return { title, isDone: false, says: `${says.join(" ")} Give it ${how}, and save.`, buttons: [[`Set up ${name}…`, () => openControls(name)]] };
   return { title, isDone: false, says: `${says.join(" ")} Give it ${how}${hasControls(name) ? `, under cameras in ${store.status!.config_file}` : ", in the camera's own program"}.` };
+}
+
+// What comes next where the cameras are calibrated by the ball: what to do, and a button for it.
+function withTheBall(): [string, string, () => void] {
+  const { targets } = store.scene!;
+  if (!targets.length) return ["first give it a name, and its radius if you know it", "Add the ball…", openTargets];
+  const taught = targets.find((t) => t.colors.length);
+  if (!taught) return [`click on ${targets[0].name} in each picture, which shows its colour`, `Teach ${targets[0].name}…`, () => openTeaching(targets[0].name)];
+  return [`wave ${taught.name} through the room, then throw it five times and let it bounce`, `Wave ${taught.name}…`, () => openCalibration("wave")];
 }
 
 function calibration(): Step {
@@ -83,8 +92,15 @@ function calibration(): Step {
   if (!missing.length) return { title, isDone: true, says: `The rig has ${store.scene!.cameras.length} cameras.` };
   const nothing = `The lenses and poses of ${join(missing)} are unknown.`;
   const why = calibrationRefused();
-  if (store.status!.mode === "run" && !why)
-    return { title, isDone: false, says: `${nothing} Carry a printed board in front of them: the page shows what is still missing in each picture.`, button: ["Calibrate…", () => openCalibration("board")] };
+  if (store.status!.mode === "run" && !why) {
+    const [does, label, open] = withTheBall();
+    return {
+      title,
+      isDone: false,
+      says: `${nothing} The ball alone finds them: ${does}. Carry a printed board in front of the cameras instead, if you have one: that is more accurate.`,
+      buttons: [[label, open], ["With a board…", () => openCalibration("board")]],
+    };
+  }
   return {
     title,
     isDone: false,
@@ -96,10 +112,10 @@ function color(): Step {
   const title = "Colour";
   const scene = store.scene!;
   const missing = scene.targets.filter((t) => !t.colors.length).map((t) => t.name);
-  if (!scene.targets.length) return { title, isDone: false, says: "No target yet. What is its name, and what is its radius?", button: ["Add a target…", openTargets] };
+  if (!scene.targets.length) return { title, isDone: false, says: "No target yet. What is its name, and what is its radius?", buttons: [["Add a target…", openTargets]] };
   if (!missing.length) return { title, isDone: true, says: `${join(scene.targets.map((t) => t.name))}: known.` };
   if (!scene.may_teach) return { title, isDone: false, says: `${join(missing)}: no colour is configured. ${scene.why_not}` };
-  return { title, isDone: false, says: `What colour is ${missing[0]}? Click on it in one picture, and confirm it in the others.`, button: [`Teach ${missing[0]}…`, () => openTeaching(missing[0])] };
+  return { title, isDone: false, says: `What colour is ${missing[0]}? Click on it in one picture, and confirm it in the others.`, buttons: [[`Teach ${missing[0]}…`, () => openTeaching(missing[0])]] };
 }
 
 function track(): Step {
@@ -156,11 +172,11 @@ function itemOf(step: Step, isCurrent: boolean): HTMLElement {
   add("h3", step.title);
   if (step.isDone || isCurrent) add("p", step.says);
   if (isCurrent && step.how) add("pre", step.how).tabIndex = 0;
-  if ((isCurrent || step.isDone) && step.button) {
-    const button = add("button", step.button[0]) as HTMLButtonElement;
+  for (const [label, act] of isCurrent || step.isDone ? (step.buttons ?? []) : []) {
+    const button = add("button", label) as HTMLButtonElement;
     button.type = "button";
-    if (isCurrent) button.className = "primary";
-    button.addEventListener("click", step.button[1]);
+    if (isCurrent && !item.querySelector("button.primary")) button.className = "primary";
+    button.addEventListener("click", act);
   }
   return item;
 }

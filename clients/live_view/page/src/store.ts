@@ -229,8 +229,8 @@ export function targetOf(name: string, targets: string[]): string {
 // Identifies one run of a service.
 export const serviceOf = (scene: Scene): string => `${scene.host}/${scene.pid}`;
 
-// Whether the service accepts changes; unknown before the calibration.
-export const mayChange = (): boolean => !!store.scene && (store.scene.may_teach || store.scene.cameras.some((c) => !c.model));
+// Whether the service accepts changes.
+export const mayChange = (): boolean => !!store.scene?.may_teach;
 
 export function isServing(): boolean {
   return store.connected && store.status !== null && performance.now() - store.statusHeard < 4000;
