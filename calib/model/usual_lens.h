@@ -2,6 +2,8 @@
 // from boards, and of the focal lengths that wave estimates.
 #pragma once
 
+#include <cmath>
+#include <numbers>
 #include <string>
 
 #include "calib/model/camera_rig.h"
@@ -12,7 +14,7 @@ namespace huetrack::calib {
 // (camera_info files of ROS users, Caliscope's webcams, Kinect 2, phones; calib/solver/EXPERIMENTS.md): root mean
 // squares, and of decentring the largest. They contain those calibrations' own errors, and so are rather too wide.
 struct UsualLensTuning {
-  double focal_of_width = 0.866;   // the middle: a picture 60 degrees wide, 1 / (2 tan(60 degrees / 2))
+  double fov_deg = 60;             // the middle: how wide a picture is
   double log_focal = 0.25;         // fields of view of 40 to 90 degrees
   double centre_share = 0.016;     // of the width: principal point from the middle, each axis
   double log_aspect = 0.003;       // fx over fy
@@ -23,7 +25,7 @@ inline constexpr UsualLensTuning usual_lens;
 
 // A camera of which only name and picture size are known: the middle of that prior, without a pose.
 inline Camera guessed_camera(const std::string& name, ImageSize size) {
-  const double focal = usual_lens.focal_of_width * size.width;
+  const double focal = 0.5 * size.width / std::tan(0.5 * usual_lens.fov_deg * std::numbers::pi / 180);
   Camera camera;
   camera.name = name;
   camera.image_size = size;

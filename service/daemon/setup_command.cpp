@@ -28,7 +28,6 @@ using namespace std::chrono_literals;
 
 constexpr std::size_t max_cameras = 8;
 constexpr const char* one_camera_rig = "rig_one_camera.yaml";
-constexpr double assumed_fov_deg = 60;
 // Data sheets round to five degrees or ten, and lenses differ by some per cent from one another.
 constexpr double stated_focal_sigma = 0.05;
 constexpr double wanted_fps = 30;
@@ -71,7 +70,7 @@ std::string write_rig_of_one(const fs::path& config, const SetUpCamera& camera, 
       "distance "
       "for that alone. Delete both files and run setup --fov DEGREES if you know better, or calibrate the camera: "
       "huetrack-calibrate intrinsics. A second camera would measure the distance itself.\n",
-      file.string(), fov_deg.value_or(assumed_fov_deg), 100 * log_focal_sigma(fov_deg));
+      file.string(), fov_deg.value_or(calib::usual_lens.fov_deg), 100 * log_focal_sigma(fov_deg));
   return one_camera_rig;
 }
 
@@ -164,7 +163,7 @@ void choose_rate(std::span<const capture::OfferedFormat> formats, SetUpCamera& c
 
 std::string rig_of_one_camera(const SetUpCamera& camera, std::optional<double> fov_deg) {
   const double focal_px =
-      0.5 * camera.width / std::tan(0.5 * fov_deg.value_or(assumed_fov_deg) * std::numbers::pi / 180);
+      0.5 * camera.width / std::tan(0.5 * fov_deg.value_or(calib::usual_lens.fov_deg) * std::numbers::pi / 180);
   Eigen::Matrix3d forwards;
   forwards << 0, -1, 0, 0, 0, -1, 1, 0, 0;
   calib::Camera out{
@@ -181,7 +180,7 @@ std::string rig_of_one_camera(const SetUpCamera& camera, std::optional<double> f
              "# Written by huetrackd setup: one camera, not calibrated. Its picture is taken to be {:g} degrees wide; "
              "all\n"
              "# distances scale with that. World: at the camera, x forwards, y to the left, z up, metres.\n",
-             fov_deg.value_or(assumed_fov_deg)) +
+             fov_deg.value_or(calib::usual_lens.fov_deg)) +
          calib::to_yaml(rig);
 }
 

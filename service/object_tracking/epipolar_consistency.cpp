@@ -88,7 +88,12 @@ void EpipolarConsistency::compare(std::span<const PathResidual> views, double ve
       const double path_m = std::hypot(apart_s * velocity_sigma_m_s, 0.5 * apart_s * apart_s * acceleration_m_s2);
       EpipolarResidual seen;
       if (!epipolar_residual(i, j, path_m * path_m, seen)) continue;
-      Pair& p = pair(std::size_t(i.camera), std::size_t(j.camera));
+      const auto ci = std::size_t(i.camera), cj = std::size_t(j.camera);
+      Pair& p = pair(ci, cj);
+      const double stated_px2 = seen.expected_px2 + seen.share_i * variance_px2_[ci] + seen.share_j * variance_px2_[cj];
+      if (p.noise_scale2 == 0) p.noise_scale2 = 1;
+      p.noise_scale2 += epipolar_consistency.mean_share * (seen.off_px * seen.off_px / stated_px2 - p.noise_scale2);
+      if (i.is_cut || j.is_cut) continue;
       note(p, seen);
       note_place(p, seen, i, j);
       for (const auto& [camera, across] : {std::pair(i.camera, seen.across_i), std::pair(j.camera, seen.across_j)}) {
@@ -291,6 +296,13 @@ void EpipolarConsistency::for_each_pair(F&& each) const {
     for (std::size_t i = 0; i < j; ++i)
       if (pair(i, j).scale2 > 0) each(pair(i, j), i, j);
   }
+}
+
+double EpipolarConsistency::noise_scale2() const {
+  double sum = 0, pairs = 0;
+  for (const Pair& p : pairs_)
+    if (p.noise_scale2 > 0) sum += p.noise_scale2, ++pairs;
+  return pairs > 0 ? std::max(1.0, sum / pairs) : 1;
 }
 
 void EpipolarConsistency::forget(std::size_t camera) {

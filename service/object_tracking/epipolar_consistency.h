@@ -26,6 +26,7 @@ struct PathResidual {
   Eigen::Vector2d off_px;                // measured - projected path
   Eigen::Matrix2d covariance;            // px^2, of off_px
   Eigen::Matrix<double, 2, 3> jacobian;  // d px / d p_world on the path, px/m
+  bool is_cut = false;                   // clutter may hide a part of the object: no evidence against a camera
 };
 
 // Residual of two views across their epipolar lines: off = across_i . off_px_i + across_j . off_px_j, in pixels, with
@@ -64,6 +65,9 @@ class EpipolarConsistency {
   // Views are inconsistent, and no two of them have been consistent at any place since: none can be trusted.
   bool no_consistent_pair() const { return no_consistent_pair_; }
   double variance_px2(std::size_t camera) const { return variance_px2_[camera]; }  // S
+  // Variance of the residuals over the expected one, S included: mean of all pairs over about a second, at least 1. The
+  // measurements' variance is larger than stated by this factor, as by fingers on a ball (Birge 1932).
+  double noise_scale2() const;
   // Residual variance over the expected one; 0: too few residuals.
   double scale2(std::size_t i, std::size_t j) const { return pair(i, j).scale2; }
 
@@ -74,8 +78,9 @@ class EpipolarConsistency {
     std::size_t count = 0;
     double expected_px2 = 0, share_i = 0, share_j = 0;  // running means
     double scale2 = 0;
-    double excess_px2 = 0;   // variance of off_px beyond the expected one
-    double lasting_px2 = 0;  // the part of it that fades slowly
+    double excess_px2 = 0;    // variance of off_px beyond the expected one
+    double lasting_px2 = 0;   // the part of it that fades slowly
+    double noise_scale2 = 0;  // running mean of off_px^2 over its variance with S; 0: none yet
     // Where the pair was consistent since it last was not: in both images, as a wrong rig does not know the place.
     Eigen::Vector4d places[pair_history.places];
     std::size_t place_count = 0;

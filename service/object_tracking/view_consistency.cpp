@@ -61,7 +61,8 @@ std::optional<PathResidual> ViewConsistency::residual_of(const Sighting& sightin
                    .off_px = sighting.px - at->px,
                    .covariance = sighting.covariance + sighting.of_pose +
                                  time_sigma_s * time_sigma_s * px_per_s * px_per_s.transpose(),
-                   .jacobian = at->jacobian};
+                   .jacobian = at->jacobian,
+                   .is_cut = sighting.is_cut};
   out.covariance.diagonal().array() += sighting.bias_sigma_px * sighting.bias_sigma_px;
   return out;
 }
@@ -177,7 +178,6 @@ void ViewConsistency::compare(const std::vector<TargetView>& views, capture::Tim
   for (const Sighting& s : sightings) {
     unseen_[std::size_t(s.row.camera)].sets = 0;
     unseen_[std::size_t(s.row.camera)].is_suspicious = false;
-    if (s.is_cut) continue;
     if (const auto residual = residual_of(s, state)) residuals_.push_back(*residual);
   }
   for (const TargetView& view : views) {
@@ -202,7 +202,6 @@ void ViewConsistency::compare_found(const MotionState& state, std::vector<Sighti
 void ViewConsistency::compare_sightings(const MotionState& state, std::span<const Sighting> sightings) {
   residuals_.clear();
   for (const Sighting& s : sightings) {
-    if (s.is_cut) continue;
     if (const auto seen = residual_of(s, state)) residuals_.push_back(*seen);
   }
   compare_residuals(state);

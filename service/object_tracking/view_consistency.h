@@ -50,6 +50,7 @@ class ViewConsistency {
   double inflated_sigma(const MotionState& state, std::span<const Sighting> sightings) const;
   bool no_consistent_pair() const { return epipolar_.no_consistent_pair(); }
   double inflation_px2(std::size_t camera) const { return epipolar_.variance_px2(camera); }
+  double noise_scale2() const { return epipolar_.noise_scale2(); }
 
  private:
   // A view that should show the object and does not, or that is searched.

@@ -8,7 +8,9 @@
 #include <functional>
 #include <limits>
 #include <numbers>
+#include <random>
 #include <stdexcept>
+#include <tuple>
 
 #include "object_tracking/epipolar_consistency.h"
 #include "object_tracking/trackers/object_tracker.h"
@@ -408,6 +410,32 @@ TEST(EpipolarConsistency, AViewThatCannotBeInconsistentProvesNothing) {
   for (int i = 0; i < 40; ++i) doubts.compare(std::vector{beside(0, 0, 0), beside(1, 0, 5)}, 0, 0);
   EXPECT_TRUE(doubts.no_consistent_pair());
   for (std::size_t c = 0; c < 2; ++c) EXPECT_GE(std::sqrt(doubts.variance_px2(c)), 5) << c;
+}
+
+// beside(): sigma 0.2 px per axis, of which a pair's residual has as much.
+TEST(EpipolarConsistency, ErrorsBeyondTheStatedOnesShowInTheNoise) {
+  std::mt19937 rng(3);
+  std::normal_distribution<double> normal;
+  for (const auto& [sigma_px, least, most] :
+       {std::tuple(0.2, 1.0, 1.5), std::tuple(0.3, 1.4, 3.4), std::tuple(0.02, 1.0, 1.0)}) {
+    EpipolarConsistency doubts(3, radius_m);
+    EXPECT_EQ(doubts.noise_scale2(), 1);
+    double mean = 0;
+    for (int i = 0; i < 400; ++i) {
+      const auto view = [&](int camera) { return beside(camera, sigma_px * normal(rng), sigma_px * normal(rng)); };
+      doubts.compare(std::vector{view(0), view(1), view(2)}, 0, 0);
+      mean += doubts.noise_scale2() / 400;
+    }
+    EXPECT_GE(mean, least) << sigma_px;
+    EXPECT_LE(mean, most) << sigma_px;
+  }
+}
+
+TEST(EpipolarConsistency, WhatACamerasInflationExplainsIsNoNoise) {
+  EpipolarConsistency doubts(3, radius_m);
+  prove(doubts, {0, 2});
+  for (int i = 0; i < 100; ++i) doubts.compare(std::vector{beside(0, 0, 0), beside(1, 0, 5), beside(2, 0, 0)}, 0, 0);
+  EXPECT_LT(doubts.noise_scale2(), 1.5) << "5 px are 25 sigmas";
 }
 
 // Of two cameras that could be wrong, each by what it would take, however well the third one sees them.

@@ -67,7 +67,7 @@ ObjectEstimate report(const ToReport& in, RigError& rig_error, capture::Timestam
   e.position = motion.position_at(e.at);
   e.velocity = motion.velocity();
   rig_error.add(in.sightings);
-  e.covariance = motion.position_covariance() + rig_error.left_open(e.position, e.at) +
+  e.covariance = in.agreement.noise_scale2() * motion.position_covariance() + rig_error.left_open(e.position, e.at) +
                  motion.clock_variance_s2() * e.velocity * e.velocity.transpose();
   e.map_position = in.filter.map_position();
   for (const auto* some : {&in.views.used(), &in.views.unused()}) {
