@@ -5,14 +5,6 @@
 #include <cmath>
 
 namespace huetrack::object_tracking {
-namespace {
-
-struct BallOutlineTuning {
-  double max_sine = 0.9;  // of the half angle at which a ball is seen: nearer, the lens model is not valid all over it
-};
-constexpr BallOutlineTuning ball_outline{};
-
-}  // namespace
 
 outline::Picture picture_of(const capture::Image& image) {
   using capture::PixelFormat;
@@ -64,7 +56,7 @@ outline::Picture picture_of(const capture::Matches::Patch& patch, int width, int
 std::optional<BallOutline> outline_of(const calib::Camera& camera, const Eigen::Vector3d& p_world, double radius_m) {
   const Eigen::Vector3d p = camera.cam_from_world * p_world;
   const double distance = p.norm(), sine = radius_m / distance;
-  if (!(sine < ball_outline.max_sine)) return std::nullopt;
+  if (!(sine < 1)) return std::nullopt;  // inside of the ball
   const auto centre = camera.model.project(p);
   if (!centre) return std::nullopt;
   const double cosine = std::sqrt(1 - sine * sine);

@@ -231,9 +231,9 @@ bool EpipolarConsistency::are_others_proven(std::size_t without) const {
 // By the largest error of a pair. Pairs measure it across their lines only: k samples, Student's t with k degrees of
 // freedom.
 void EpipolarConsistency::inflate_all() {
-  double samples = 0;
-  for_each_pair([&](const Pair&, std::size_t, std::size_t) { ++samples; });
-  samples = std::max(samples, 3.0);
+  int pairs = 0;
+  for_each_pair([&](const Pair&, std::size_t, std::size_t) { ++pairs; });
+  const double samples = std::max(3, pairs);  // of fewer, the variance is not finite
   std::ranges::fill(variance_px2_, samples / (samples - 2) * *std::ranges::max_element(down_));
   no_consistent_pair_ = std::ranges::all_of(pairs_, [](const Pair& p) { return p.place_count == 0; });
 }

@@ -17,20 +17,15 @@ namespace huetrack::object_tracking {
 namespace {
 
 struct MotionTuning {
-  // Prior of a camera that the rig has no timing of. Latency: drivers stamp 0 to 45 ms after mid-exposure, uniform 13
-  // ms rms, 18 ms for a difference of two. Readout: 10 to 33 ms for rolling shutters, 0 for global ones, either sign.
-  double unknown_time_sigma_s = 0.020;         // s
   double synced_latency_sigma_s = 0.0002;      // s, cameras with one trigger: exposures are set alike
   double synced_readout_sigma_s = 0.0005;      // s, the same: mostly global shutters
   double unstated_sigma_s = 0.002;             // s, of a latency or readout that the rig states without a sigma
   double latency_walk_s2_per_s = 1e-4 * 1e-4;  // s^2/s, exposure time follows the light: 1 ms in one or two minutes
-  // Floors: shading and lamp flicker shift what is seen by up to 0.3 ms of motion, the same in every frame.
-  double min_latency_sigma_s = 3e-4;  // s
-  double min_readout_sigma_s = 8e-4;  // s
-  double bias_length_m = 0.5;         // m, correlation length of the image bias: half a metre on, the light is another
-  double size_sigma = 0.02;           // of the log of the object's radius over the configured one: a millimetre of 50
-  double size_loss = 1.345;           // sigmas, Huber's loss of a measured radius: 95 % efficiency (Huber 1981)
-  double relinearize_s = 0.005;       // s, error of a time from which velocity times time must be linearised again
+  double min_row_sigma_s = 3e-4;  // s, shading and lamp flicker shift a row by as much, the same in every frame
+  double bias_length_m = 0.5;     // m, correlation length of the image bias: half a metre on, the light is another
+  double size_sigma = 0.02;       // of the log of the object's radius over the configured one: a millimetre of 50
+  double size_loss = 1.345;       // sigmas, Huber's loss of a measured radius: 95 % efficiency (Huber 1981)
+  double relinearize_s = 0.005;   // s, error of a time from which velocity times time must be linearised again
 };
 constexpr MotionTuning motion_tuning{};
 
@@ -38,7 +33,7 @@ constexpr Eigen::Index most_states_near = 128;  // layout: 128 kB of covariance
 constexpr std::ptrdiff_t most_open = 8;         // layout: columns of four observations
 
 double variance_of(const std::optional<double>& value, const std::optional<double>& sigma) {
-  const double s = sigma.value_or(value ? motion_tuning.unstated_sigma_s : motion_tuning.unknown_time_sigma_s);
+  const double s = sigma.value_or(value ? motion_tuning.unstated_sigma_s : time_prior.unknown_sigma_s);
   return s * s;
 }
 
@@ -149,8 +144,7 @@ void MotionState::correct_times(std::span<const double> late_s) {
     const Eigen::Index latency = latency_of(c);
     mean_(latency) += late_s[camera];
     const bool is_other = late_s[camera] != late_s[reference_camera];
-    if (c != reference_camera && (is_synchronised_ || is_other))
-      open(latency, std::pow(motion_tuning.unknown_time_sigma_s, 2));
+    if (c != reference_camera && (is_synchronised_ || is_other)) open(latency, std::pow(time_prior.unknown_sigma_s, 2));
     if (is_synchronised_) open(latency + 1, given_[camera].readout_prior_s2);
   }
   is_synchronised_ = false;
@@ -517,8 +511,8 @@ void MotionState::apply(const Columns& gain, const Columns& px_of_state, const E
       covariance_(i, i) = std::max(covariance_(i, i), std::min(variance_before(i), least_sigma * least_sigma));
     };
     for (int c = 0; c < int(given_.size()); ++c) {
-      keep(latency_of(c), motion_tuning.min_latency_sigma_s);
-      keep(latency_of(c) + 1, motion_tuning.min_readout_sigma_s);
+      keep(latency_of(c), motion_tuning.min_row_sigma_s);
+      keep(latency_of(c) + 1, 2 * motion_tuning.min_row_sigma_s);  // half of it at the edge
     }
   }
 }

@@ -25,29 +25,25 @@ struct OutlineErrorTuning {
   double even_size_px = 0.25;    // px, a larger error of the radius comes from one side and moves the centre, too
   double start_gain = 1.5;       // region variance over outline variance from which an outline replaces a region
   double stay_gain = 3;          // hysteresis of start_gain: while the outline is in use
-  double same_place_px = 1;      // px, decay length of what is the same in the next frame: the same pixels
   double centre_per_size = 0.7;  // centre error per error of the radius: a part is hidden, or something adds to it
 };
 constexpr OutlineErrorTuning outline_error{};
 
 struct OutlineSighterTuning {
-  double unknown_log_size = 0.1;    // 1 sigma of the log of the outline's radius over the target's, before it is learnt
-  double known_log_size = 0.02;     // the same, once it is learnt
+  double known_log_size = 0.02;     // 1 sigma of the log of the outline's radius over the target's, once it is learnt
   double size_memory = 300;         // frames in the size's mean: 10 s at 30 fps
   double min_sizes = 30;            // frames from which the size counts as known
   double size_visible_share = 0.8;  // of the outline that must be visible to learn a size from it
-  double size_sigma = 0.05;         // 1 sigma of the log of the radius up to which a size is learnt
   double same_light_m = 1.5;        // m, decay length of the shading: lamps and windows are some metres away
   double same_light_s = 10;         // s, decay time of the same: lamps and clouds change
   double held_light = 0.9;          // correlation above which the shading is not fitted anew
   int max_steps = 4;                // Gauss-Newton steps: the second is mostly the last
   double ahead_s = 0.3;             // s, the background is learnt where the object will be then
-  double hidden_radii = 1.1;        // radii around the object that the background is not learnt from
-  double hidden_px = 4;             // px, in addition to that and to prediction_sigmas: blur
   std::size_t min_tries = 60;       // fits before a target counts as not round
   double min_fitted = 0.3;          // share of the fits that must succeed, else it is not round
 };
 constexpr OutlineSighterTuning outline_sighter{};
+constexpr double unknown_log_size = outline::appearance_prior.log_size_sigma;  // before it is learnt
 
 // The view's pixels around this place: the image, or of a frame of matches the patch in which it is most central.
 std::optional<outline::Picture> picture_around(const TargetView& view, const Eigen::Vector2d& px) {
@@ -104,15 +100,15 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionState& state, c
   // With one camera, the filter knows the size in the image better than the distance.
   const auto [usual_size, usual_sigma] =
       state.has_size() ? state.expected_log_size(expected.row, ray) : std::pair(of.log_size, depth_sigma / distance);
-  const bool is_size_known = state.has_size() ? usual_sigma < outline_sighter.unknown_log_size
-                                              : of.log_size_weight >= outline_sighter.min_sizes;
+  const bool is_size_known =
+      state.has_size() ? usual_sigma < unknown_log_size : of.log_size_weight >= outline_sighter.min_sizes;
   outline::FitOptions options;
   options.most_steps = outline_sighter.max_steps;
   // Until a size is learnt, the expected radius and the region's are tried in turn after each failed fit.
   const double log_size = of.log_size_weight == 0 && of.begins_at_region
                               ? std::log(std::max(1.0, sighting.radius_px) / expected.at.radius_px)
                               : usual_size;
-  const double size_sigma = is_size_known ? outline_sighter.known_log_size : outline_sighter.unknown_log_size;
+  const double size_sigma = is_size_known ? outline_sighter.known_log_size : unknown_log_size;
   options.log_size = {log_size, std::hypot(size_sigma, usual_sigma)};
   // Share of a deviation that is the outline's, not the distance's: something hides a part, or adds to it.
   const double by_outline = state.has_size() ? std::pow(size_sigma / options.log_size.sigma, 2) : 1.0;
@@ -137,7 +133,7 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionState& state, c
   Sighting sharp = sighting;
   sharp.px = fit.centre - (ball->ellipse.centre - ball->centre_px);
   const double moved_px = (sharp.px - of.px).norm();
-  of.still = std::exp(-moved_px / outline_error.same_place_px);
+  of.still = std::exp(-moved_px / sighting_tuning.same_place_px);
   const double off_size = fit.log_size.value - usual_size;
   const double by_size = is_size_known ? outline_error.centre_per_size * radius_px * by_outline * off_size : 0.0;
   // pixel_noise_px is a region's; what it has over its default is the rig's error.
@@ -165,7 +161,7 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionState& state, c
     return false;
   const double lasting = std::hypot(e.size_bias_px / radius_px, e.bias_of_fit * fit.log_size.sigma);
   const bool is_size_measured =
-      fit.visible > outline_sighter.size_visible_share && fit.log_size.sigma < outline_sighter.size_sigma;
+      fit.visible > outline_sighter.size_visible_share && fit.log_size.sigma < unknown_log_size;
   if (is_size_measured && state.has_size()) {
     // The middle of a soft edge that curves lies further in by s^2 / 2r, which the fit's straight edge profile takes
     // for size. s: half of what is known of the size is by light, half by chroma. The correction is as unsure as it is
@@ -207,7 +203,7 @@ void OutlineSighter::learn(const std::vector<TargetView>& views, const MotionSta
     const ImageMotion motion = image_motion(view, at, state);
     const double sigma_px = std::sqrt((at.jacobian * state.position_covariance() * at.jacobian.transpose()).trace());
     const double smear_px = 0.5 * motion.velocity.norm() * motion.longest_exposure_s;
-    const outline::ObjectDisc hidden{at.px, outline_sighter.hidden_radii * at.radius_px + outline_sighter.hidden_px +
+    const outline::ObjectDisc hidden{at.px, sighting_tuning.covered_radii * at.radius_px + sighting_tuning.covered_px +
                                                 sighting_tuning.prediction_sigmas * sigma_px + smear_px};
     if (rare != nullptr)
       of.behind->learn_all(picture_of(*rare), &hidden, 1);

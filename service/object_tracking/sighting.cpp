@@ -20,9 +20,7 @@ struct RegionErrorTuning {
 constexpr RegionErrorTuning region_error{};
 
 struct RayCrossingTuning {
-  double min_disc_share = 0.1;   // share of the expected disc's area of a further region that agrees
-  double max_disc_share = 3;     // larger regions are something else
-  double gate_nis = 11.8;        // chi-square, 2 dof, 99.7 %
+  double gate_nis = 11.8;        // chi-square, 2 dof, 99.7 %: wrong views are not to be the beginning of a track
   std::size_t max_regions = 8;   // per view, the largest ones
   double missed_penalty = 0.25;  // of the score, per view that should see it and does not
   int refinements = 2;           // Gauss-Newton steps of a candidate's position
@@ -140,7 +138,7 @@ class RayCrosser {
 
   bool fits(std::size_t view, const color::ColorRegion& region, const BallProjection& at, double least_support) const {
     const double share = region.area / disc_area(at.radius_px);
-    if (share < least_support || share > ray_crossing.max_disc_share) return false;
+    if (share < least_support || share > sighting_tuning.max_disc_share) return false;
     const Sighting s = set_apart(sighting_at(view, region, at), at);
     return mahalanobis2(s.px - at.px, s.covariance) <= ray_crossing.gate_nis;
   }
@@ -148,7 +146,7 @@ class RayCrosser {
   const color::ColorRegion* nearest_fitting(std::size_t view, const BallProjection& at) const {
     const color::ColorRegion* nearest = nullptr;
     for (const color::ColorRegion& region : regions_[view]) {
-      if (!fits(view, region, at, ray_crossing.min_disc_share)) continue;
+      if (!fits(view, region, at, sighting_tuning.min_disc_share)) continue;
       if (nearest == nullptr || (region.centre - at.px).norm() < (nearest->centre - at.px).norm()) nearest = &region;
     }
     return nearest;
@@ -297,6 +295,10 @@ void sort_by_time(std::vector<Sighting>& sightings) {
 
 bool has_disc_shape(const Sighting& s) {
   return std::sqrt(s.covariance.trace() / 2) <= sighting_tuning.misfit_share * s.radius_px / std::sqrt(s.support);
+}
+
+bool is_too_large_alone(double radius_px, double expected_px) {
+  return radius_px * radius_px > sighting_tuning.alone_share * expected_px * expected_px;
 }
 
 bool is_unoccluded_disc(const Sighting& s) {

@@ -71,12 +71,14 @@ void sort_by_time(std::vector<Sighting>& sightings);  // of their rows; stable
 // By the region's shape alone; by its shape and size.
 bool has_disc_shape(const Sighting& sighting);
 bool is_unoccluded_disc(const Sighting& sighting);
+// The disc has more than the object's area and blur.
+bool is_too_large_alone(double radius_px, double expected_px);
 
 struct SightingTuning {
   double gate_nis = 16;           // chi-square, 2 dof, 99.97 %: a region within it may be the object's
-  double min_disc_share = 0.15;   // share of the expected disc's area that a tracked object's region must cover
+  double min_disc_share = 0.15;   // share of the expected disc's area that a region in a known place must cover
   double start_disc_share = 0.3;  // the same where nothing is tracked yet, or its place is not known (experiment)
-  double max_disc_share = 4;      // the same, largest region that may still be the object there (experiment)
+  double max_disc_share = 3;      // the same, largest region that may still be the object there (experiment)
   double confirmation_s = 0.5;    // s, an unconfirmed candidate older than this is dropped
   double prediction_sigmas = 3;   // reach of a predicted or measured place: 99.7 % on one axis
   double extent_radii = 3;        // radii, largest extent of a region where one object is searched
@@ -84,12 +86,18 @@ struct SightingTuning {
   double same_object_radii = 1.5;  // radii, nearer candidates or detections are of one object (experiment)
   double shading_share = 0.04;     // of the radius, 1 sigma: a ball's bright side matches further out (experiment)
   int contested_sets = 8;         // frame sets that confirm a candidate against a view that should show it and does not
-  std::size_t max_crossings = 4;  // candidates kept per frame set where one object is searched
-  double repeat_px = 1;           // px, motion that changes a region of 100 px visibly: else the frame is a repeat
+  std::size_t max_crossings = 4;  // candidates kept per frame set and possible object
+  double same_place_px = 1;       // px, motion after which a region lies on other pixels
+  double still_px = 2;            // px, a region that moved less stands still
+  double same_time_s = 0.002;     // s, moments this near to each other are one
+  double behind_px = 50;          // px, residual of rays that meet behind a camera
+  double covered_radii = 1.1;     // radii around an object in which nothing is learnt
+  double covered_px = 4;          // px, in addition: blur
   double misfit_share = 0.2;      // of the radius, 1 sigma: shape noise of a small disc's outline (experiment)
   double cut_error = 0.85;        // radii of error per missing share: an edge leaves 0.42 at half, 0.65 at a quarter
   double region_size_sigma = 0.2;  // of the log of a region's radius: dark edges do not match (experiment)
   double whole_share = 0.9;        // share of the expected area from which a disc counts as unoccluded
+  double alone_share = 1.4;        // share of the expected area up to which it is one object alone: its edge is blurred
 };
 inline constexpr SightingTuning sighting_tuning{};
 

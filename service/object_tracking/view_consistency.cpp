@@ -15,15 +15,12 @@ struct ViewConsistencyTuning {
   unsigned search_every = 4;   // frame sets between searches of the whole image of a view that lost the object: cost
   double speed_share = 0.25;   // of start_speed_m_s: largest velocity error that excuses an inconsistency
   unsigned settling_sets = 8;  // frame sets after a start in which all of start_speed_m_s excuses it
-  double no_crossing_px = 50;  // px, residual of rays that do not meet in front of both cameras
   double min_age_s = 0.08;     // s, of the regions that motion is measured against
-  double still_px = 2;         // px, a region that moved less stands still
-  double still_radii = 0.2;    // radii, the same of large regions
 };
 constexpr ViewConsistencyTuning view_consistency{};
 
 double still_px(double radius_px) {
-  return std::max(view_consistency.still_px, view_consistency.still_radii * radius_px);
+  return std::max(sighting_tuning.still_px, sighting_tuning.misfit_share * radius_px);
 }
 
 }  // namespace
@@ -148,7 +145,7 @@ void ViewConsistency::compare_moving(const std::vector<TargetView>& views,
 std::optional<EpipolarResidual> ViewConsistency::pair_residual(const Sighting& i, const Sighting& j,
                                                                const MotionState& state) const {
   // If the rays do not meet in front of both cameras.
-  EpipolarResidual seen{.off_px = view_consistency.no_crossing_px, .expected_px2 = 1, .share_i = 0.5, .share_j = 0.5};
+  EpipolarResidual seen{.off_px = sighting_tuning.behind_px, .expected_px2 = 1, .share_i = 0.5, .share_j = 0.5};
   const auto p = crossing(*i.camera, {i.px}, *j.camera, {j.px});
   if (!p) return seen;
   const auto beside_p = [&](const Sighting& s) -> std::optional<PathResidual> {

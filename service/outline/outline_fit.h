@@ -46,7 +46,7 @@ struct AppearancePriorTuning {
   double log_blur_chroma_sigma = 0.6;  // natural logarithm
   double exposure_s = 0.006;           // seconds, indoors
   double exposure_sigma_s = 0.004;     // seconds
-  double log_size_sigma = 0.1;         // of the radius, where the caller has no better prior
+  double log_size_sigma = 0.1;         // of the radius, where the size is not learnt
 };
 inline constexpr AppearancePriorTuning appearance_prior{};
 

@@ -9,18 +9,18 @@
 namespace huetrack::outline {
 namespace {
 
-// unit: steps of the limited range
-constexpr float limited_light = 255.f / 219, limited_chroma = 255.f / 224;
+// unit: steps of the limited range, its black, and the byte of no colour
+constexpr float limited_light = 255.f / 219, limited_chroma = 255.f / 224, limited_black = 16, no_chroma = 128;
 
 // A byte less `zero`, times `by`, is a grey value.
 struct Scale {
   float zero, by;
 };
 Scale scale_of_light(const Picture& picture) {
-  return picture.is_limited ? Scale{16.f, limited_light} : Scale{0.f, 1.f};
+  return picture.is_limited ? Scale{limited_black, limited_light} : Scale{0.f, 1.f};
 }
 Scale scale_of_chroma(const Picture& picture) {
-  return {128.f, picture.is_limited ? limited_chroma : 1.f};
+  return {no_chroma, picture.is_limited ? limited_chroma : 1.f};
 }
 
 float luma(const std::uint8_t* bgr) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <numbers>
 
 namespace huetrack::pipeline {
 namespace {
@@ -10,7 +11,7 @@ namespace {
 // RMS distance of a pixel from the image centre, as a tangent.
 double usual_tangent(const calib::Camera& camera) {
   const double diagonal_px = std::hypot(camera.image_size.width, camera.image_size.height);
-  return diagonal_px / std::sqrt(12.0) / view_watch::focal_px(camera);
+  return diagonal_px / (2 * std::numbers::sqrt3) / view_watch::focal_px(camera);
 }
 
 // The size of a moved camera's error is known. Before it was detected, its inconsistency may have been attributed to

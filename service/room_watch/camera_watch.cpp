@@ -44,8 +44,7 @@ struct RoomSurveyTuning {
   int hurry_ms = 200;               // at the alert rate after two displaced patches in a row
   int settling_ms = 150;            // between two surveys that are to agree
   double search_reach_rad = 0.06;   // of the search for displaced patches: 3.4 degrees, after which mending is possible
-  int min_search_blocks = 8;        // limits of that reach
-  int max_search_blocks = 40;       // limits of that reach: cost
+  int max_search_blocks = 40;       // limit of that reach: cost
   std::size_t searched_patches = 16;  // the ones with most texture
 };
 constexpr RoomSurveyTuning room_survey{};
@@ -91,7 +90,6 @@ struct RoomFocusTuning {
   double same_blur = 0.2;          // of a blur, and
   double same_blur_blocks = 0.15;  // so many blocks: differences up to that are none
   double min_correlation = 0.9;    // of a blurred patch in its place; something else has it once in fifty
-  float min_contrast = 0.3f;       // of a patch's own; less in most of them is a covered camera, in some a plain object
 };
 constexpr RoomFocusTuning room_focus{};
 constexpr std::array strong_blurs{3.0, 4.0, 5.5, 7.5};  // maths: nodes of a search, blocks
@@ -401,7 +399,7 @@ void CameraWatch::judge_change(Timestamp at) {
     if (condition_.state != RoomState::changed && std::ranges::any_of(watched_, is_restless_neighbour)) continue;
     ++change.patches;
     change.middle += w.expected_px.cwiseQuotient(Eigen::Vector2d(camera_.image_size.width, camera_.image_size.height));
-    plain += w.replacement->contrast < room_focus.min_contrast * w.patch.contrast() ? 1 : 0;
+    plain += w.replacement->contrast < patch_fit.min_contrast * w.patch.contrast() ? 1 : 0;
   }
   if (change.patches > 0) change.middle /= change.patches, rested_at_ = at;
   // A person in front of a reported change hides it for a while.
@@ -625,8 +623,8 @@ std::optional<Aim> CameraWatch::relocate(const Luma& luma, std::span<const Occlu
   std::vector<const Watched*> order;
   for (const Watched& w : watched_) order.push_back(&w);
   std::ranges::stable_sort(order, std::ranges::greater{}, [](const Watched* w) { return w->patch.least_texture; });
-  const int reach = std::clamp(int(std::ceil(room_survey.search_reach_rad * camera_.model.fx() / scale_)),
-                               room_survey.min_search_blocks, room_survey.max_search_blocks);
+  const int reach = std::min(room_survey.max_search_blocks,
+                             int(std::ceil(room_survey.search_reach_rad * camera_.model.fx() / scale_)));
   std::vector<SeenRay> seen;
   std::size_t searched = 0;
   for (const Watched* w : order) {
@@ -818,7 +816,7 @@ void CameraWatch::judge_lost_view(Timestamp at) {
   for (const Watched& w : watched_)
     if (!w.is_hidden) contrasts.push_back(double(w.contrast));
   const bool is_blind =
-      !contrasts.empty() && calib::median_in_place(std::span(contrasts)) < double(room_focus.min_contrast);
+      !contrasts.empty() && calib::median_in_place(std::span(contrasts)) < double(patch_fit.min_contrast);
   set_state(is_blind ? RoomState::blinded : RoomState::hidden, *lost_since_);
 }
 

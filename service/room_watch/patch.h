@@ -20,7 +20,7 @@ struct PatchFitTuning {
   float max_step_blocks = 2;         // per step
   float max_shift_blocks = 4;        // from the start; farther away it is another patch
   float min_correlation = 0.75f;     // of a patch that is found: noise of 0.9 of its contrast
-  float min_contrast = 0.25f;        // of a patch that is found, in its own: below, fog or a hand on the lens
+  float min_contrast = 0.25f;        // of a patch that is found, in its own: below, fog, a hand, something plain
   float search_correlation = 0.65f;  // of the best place in a search, which is made in steps of two blocks
   float search_margin = 0.08f;       // by which the best place's correlation exceeds all others'
   int search_neighbour_steps = 2;    // places this near to each other are one

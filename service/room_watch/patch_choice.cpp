@@ -13,10 +13,6 @@ namespace {
 constexpr int bin = 4;  // layout: blocks, in which gradients are summed; a patch is 3 x 3 bins
 static_assert(patch_side % bin == 0);
 constexpr int bins_of_patch = patch_side / bin;
-struct PatchChoiceTuning {
-  float min_texture = 1;  // squared grey levels per squared block; less is the noise of one image
-};
-constexpr PatchChoiceTuning patch_choice{};
 
 struct Gradients {
   float xx = 0, xy = 0, yy = 0;
@@ -65,7 +61,7 @@ std::vector<ChosenPatch> choose_patches(const Luma& luma, int margin) {
   add_the_next(of_patch, 1);
   add_the_next(of_patch, std::size_t(bin_columns));
   struct Best {
-    float texture = patch_choice.min_texture * float(patch_pixels) / 8;  // an eighth of the blocks is sampled
+    float texture = 0;
     Eigen::Vector2i corner = Eigen::Vector2i::Zero();
     bool is_any = false;
   };

@@ -125,10 +125,10 @@ std::optional<RotationFit> fit_rotation(const calib::CameraModel& lens, std::spa
     const Eigen::LLT<Matrix4> solver(normal);
     if (solver.info() != Eigen::Success) return std::nullopt;
     x = solver.solve(right);
-    // maths: the median of a Rayleigh distribution is 1.177 sigma.
+    constexpr double median_in_sigmas = 1.177;  // maths: of a Rayleigh distribution
     const double middle = calib::median_in_place(std::span(distances));
     const double narrower =
-        std::clamp(rotation_tuning.tukey_sigmas * middle / 1.177, rotation_tuning.min_gate_px, gate);
+        std::clamp(rotation_tuning.tukey_sigmas * middle / median_in_sigmas, rotation_tuning.min_gate_px, gate);
     const bool is_settled = round > 0 && narrower > rotation_tuning.settled_gate * gate;
     gate = narrower;
     if (is_settled) break;

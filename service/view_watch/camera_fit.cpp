@@ -17,8 +17,7 @@ struct CameraFitTuning {
   double radii_apart = 12;       // of the target, between independent samples: shade shifts all of one place alike
   double usual_turn_rad = 0.05;  // prior of a turn, 1 sigma: a tripod that was knocked
   double max_turn_rad = 0.26;    // 15 degrees
-  double min_zoom = 0.6;         // focal length in the rig's
-  double max_zoom = 1.6;         // the same
+  double max_zoom = 1.6;         // focal length over the rig's, or the rig's over it
   double min_noise2 = 0.2;       // least share of the expected variance that is really noise: shade does not average
 };
 constexpr CameraFitTuning camera_fit{};
@@ -196,7 +195,7 @@ BestZoom best_zoom(const PairComparison& comparison, const std::vector<Track>& t
   const double without = off.cost();
   double cost = without;
   const auto consider = [&](double there) {
-    if (there < camera_fit.min_zoom || there > camera_fit.max_zoom) return false;
+    if (there * camera_fit.max_zoom < 1 || there > camera_fit.max_zoom) return false;
     Residuals<1> off_there = residuals_at(there);
     const double cost_there = off_there.cost();
     if (cost_there >= cost) return false;

@@ -4,6 +4,8 @@
 #include <limits>
 #include <utility>
 
+#include "view_watch/pair_residuals.h"
+
 namespace huetrack::view_watch {
 namespace {
 
@@ -13,8 +15,7 @@ struct JumpTuning {
   double longest_step_s = 0.2;    // unseen for longer, it may be anywhere
   double most_scale = 2;          // of the object in a view: half as far away; smaller ones are specks of its colour
   std::size_t longest_run = 2;    // jumps without a smooth step in between: one picture out of place
-  double window_s = 3;            // in which they are counted
-  int least_count = 4;            // there: an object of the colour that appears as another leaves is rarer
+  int least_count = 4;            // in a window: an object of the colour that appears as another leaves is rarer
   std::size_t least_cameras = 2;  // that see them
 };
 constexpr JumpTuning tuning{};
@@ -43,7 +44,7 @@ void JumpWatch::look(std::span<const object_tracking::SeenRegion> regions, doubl
     step = {now_s, std::min(step.radii, radii), std::min(step.speed, radii / since_s),
             step.is_of_target && now[c].is_target};
   }
-  while (!jumps_.empty() && jumps_.front().at_s < now_s - tuning.window_s) jumps_.pop_front();
+  while (!jumps_.empty() && jumps_.front().at_s < now_s - pair_sampling.window_s) jumps_.pop_front();
   if (!steps_.empty() && steps_.back().at_s < now_s - tuning.longest_step_s) steps_.clear();
   if (views < tuning.least_cameras) return;
   steps_.push_back(step);

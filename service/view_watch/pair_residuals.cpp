@@ -11,6 +11,7 @@
 
 #include "calib/model/closest_approach.h"
 #include "calib/model/median.h"
+#include "object_tracking/sighting.h"
 
 namespace huetrack::view_watch {
 namespace {
@@ -20,9 +21,7 @@ struct PairNoiseTuning {
   double edge_px = 0.25;         // 1 sigma of a region's centre by its coarse edge
   double shade_radii = 0.06;     // 1 sigma of a region's centre by light from one side, in its radius
   double max_sigmas = 5;         // robust cost: farther off is as bad
-  double behind_px = 60;         // residual of rays that meet behind a camera
   double min_depth_m = 0.05;     // nearer counts as behind
-  double same_time_s = 0.002;    // of triggered cameras: nothing is interpolated, however far apart their samples are
   double acceleration_m_s2 = 5;  // of the target, by which interpolation errs
   double distance_m = 3;         // of the target, for that
 };
@@ -157,9 +156,11 @@ std::vector<PairComparison::Moment> PairComparison::moments(const PlacedTrack& o
     while (next + 1 < between.size() && between[next].t_s < a.t_s) ++next;
     const Placed &before = between[next - 1], &after = between[next];
     const double gap_s = after.t_s - before.t_s;
-    Placed b = std::abs(a.t_s - before.t_s) < pair_noise.same_time_s ? before : after;
+    // Between triggered cameras nothing is interpolated, however far apart their samples are.
+    constexpr double same_time_s = object_tracking::sighting_tuning.same_time_s;
+    Placed b = std::abs(a.t_s - before.t_s) < same_time_s ? before : after;
     double interpolated_px = 0;
-    if (std::abs(a.t_s - b.t_s) >= pair_noise.same_time_s) {
+    if (std::abs(a.t_s - b.t_s) >= same_time_s) {
       if (!(gap_s > 0 && gap_s < pair_sampling.longest_gap_s) || a.t_s < before.t_s || a.t_s > after.t_s) continue;
       const double share = (a.t_s - before.t_s) / gap_s;
       b.direction = (before.direction + share * (after.direction - before.direction)).normalized();
@@ -189,7 +190,7 @@ std::optional<PairComparison::Passing> PairComparison::passing(const Moment& mom
   const double scale_i = std::abs(along_i) / placement.focal_i_px, scale_j = std::abs(along_j) / placement.focal_j_px;
   const double scale2 = scale_i * scale_i + scale_j * scale_j;
   const double by_i_m = scale_i * moment.sigma_i_px, by_j_m = scale_j * moment.sigma_j_px;
-  Passing out{.off_px = pair_noise.behind_px,
+  Passing out{.off_px = object_tracking::sighting_tuning.behind_px,
               .expected_px = std::sqrt(moment.elsewhere_px2 + (by_i_m * by_i_m + by_j_m * by_j_m) / scale2),
               .radius_m = 0,
               .slope_of_i_px = Eigen::Vector3d::Zero()};

@@ -13,6 +13,7 @@
 namespace huetrack::view_watch {
 
 struct PairSamplingTuning {
+  double window_s = 3;             // seconds that are judged together
   double longest_gap_s = 0.15;     // seconds between two samples, to interpolate between them
   std::size_t least_samples = 12;  // of a pair, to compare it; the median of fewer is noise
 };

@@ -3,11 +3,14 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <numeric>
 #include <utility>
 
 #include "calib/model/covariance_ellipse.h"
 #include "calib/model/median.h"
+#include "object_tracking/objects/search_findings.h"
+#include "object_tracking/sighting.h"
 #include "view_watch/camera_fit.h"
 
 namespace huetrack::view_watch {
@@ -17,13 +20,11 @@ using object_tracking::SeenRegion;
 
 // Which samples are compared.
 struct ViewSamplesTuning {
-  double window_s = 3;           // seconds
   double max_rate_hz = 16;       // of samples; more are correlated
   double period_s = 0.5;         // between judgements; also the time within which clutter must move
   double region_noise_px = 3;    // of a region that does not move, at most; twice that is motion, four times a path
   double swerve = 0.35;          // of its step by which one thing changes direction between samples
-  double still_px = 2;           // static clutter stays within
-  double still_after_s = 1;      // for so long
+  double still_after_s = 1;      // static clutter stays in a place for so long
   int still_count = 5;           // and is seen so often
   double still_forgotten_s = 5;  // after which it is no longer static clutter
   double max_interval_s = 0.25;  // of frames, to measure their period
@@ -46,29 +47,25 @@ struct ConsistencyTuning {
   double disagrees = 2;           // worst pair from which they are, and all hypotheses are tested
   double contradicts = 3;       // worst pair from which it is reported without explanation; best pair, twice: other rig
   double clearly_better = 0.8;  // cost of the best hypothesis in that of the second
-  double many_parameters = 1.3;  // factor of the cost of a hypothesis with three or more parameters
-  double one_parameter = 1.1;    // factor of the cost of a hypothesis with one
-  double cost_floor = 0.2;       // added to costs that are compared: below, all hypotheses are good
-  int tries_at_once = 4;         // then the tests become rarer
-  double max_pause_s = 16;       // between tests
-  int min_times = 2;             // a mistake was found so often before it is named; an unexplained one twice as often
+  double per_parameter = 1.1;   // factor of the cost of a hypothesis
+  double cost_floor = 0.2;      // added to costs that are compared: below, all hypotheses are good
+  int tries_at_once = 4;        // then the tests become rarer
+  double max_pause_s = 16;      // between tests
+  int min_times = 2;            // a mistake was found so often before it is named; an unexplained one twice as often
 };
 constexpr ConsistencyTuning consistency{};
-constexpr double forgotten_after_s = 2 * view_samples.window_s;  // what was found once
+constexpr double forgotten_after_s = 2 * pair_sampling.window_s;  // what was found once
 constexpr double suspected_for_s = 2 * view_samples.period_s;
 
 struct TimingFaultTuning {
-  double min_late_s = 0.07;         // a stamp's error; up to that the tracker estimates latency (prior 20 ms, 1 sigma)
-  double min_unlearnt_s = 0.03;     // what it has not estimated: a frame at 30 Hz; twice the precision of both
-  double sure_sigmas = 4;           // of a latency
-  double readout_s = 0.02;          // of an unknown rolling shutter: 10 to 33 ms
-  double usual_below_middle = 0.3;  // row, 1 sigma: 1 / sqrt(12) of the picture's height
-  double report_sigma_s = 0.005;    // a latency is reported when it is known to that
-  double too_long_sigmas = 3;       // of a readout beyond the frame period: 1 in 1000
-  double since_jump_s = 1.2;        // seconds that are compared after a jump: 19 samples
-  double initial_sigma_s = 0.001;   // of times before the first estimate
+  double min_late_s = 0.07;       // a stamp's error; up to that the tracker estimates latency (prior 20 ms, 1 sigma)
+  double min_unlearnt_s = 0.03;   // what it has not estimated: a frame at 30 Hz; twice the precision of both
+  double sure_sigmas = 4;         // of a latency, and of a readout beyond the frame period
+  double report_sigma_s = 0.005;  // a latency is reported when it is known to that
+  double since_jump_s = 1.2;      // seconds that are compared after a jump: 19 samples
 };
 constexpr TimingFaultTuning timing_fault{};
+constexpr double usual_below_middle = 0.5 / std::numbers::sqrt3;  // maths: 1 sigma of a row anywhere in the picture
 constexpr double same_times_s = timing_fault.min_unlearnt_s / 2;
 
 struct CameraFaultTuning {
@@ -81,15 +78,13 @@ struct TargetFaultTuning {
   double min_shared = 0.03;         // of a picture that has the target's colour
   double times_the_target = 4;      // of what the target can cover
   int min_shared_count = 3;         // consecutive judgements
-  double min_region_ratio = 0.78;   // of radii by regions: shade makes them smaller
-  double max_region_ratio = 1.3;    // other things of the colour make them larger
   double min_outline_ratio = 0.86;  // of radii by outlines: blur and shade make them smaller by up to 6 % (experiment)
   double max_outline_ratio = 1.1;   // the same
 };
 constexpr TargetFaultTuning target_fault{};
 
 std::size_t most_samples() {
-  return std::size_t(view_samples.window_s * view_samples.max_rate_hz);
+  return std::size_t(pair_sampling.window_s * view_samples.max_rate_hz);
 }
 
 // One thing that moves, as opposed to alternating ones: it swerves by less than it goes.
@@ -167,7 +162,7 @@ class FaultHypotheses {
     TimeSigmas sigmas = time_sigmas_;
     for (std::size_t c = 0; c < n; ++c)
       if (!rig_.cameras[c].timing.readout_s)
-        sigmas[c] = std::hypot(sigmas[c], timing_fault.usual_below_middle * timing_fault.readout_s);
+        sigmas[c] = std::hypot(sigmas[c], usual_below_middle * object_tracking::time_prior.unknown_sigma_s);
     const PairComparison::Agreement as_is = comparison_.agreement(tracks_, {}, sigmas);
     if (as_is.worst < consistency.disagrees) return;
     std::vector<double> late_s = best_latenesses(comparison_, tracks_, sigmas);
@@ -260,8 +255,7 @@ class FaultHypotheses {
     const MistakeKind kind = a.mistake.kind;
     const bool has_many = kind == MistakeKind::turned || kind == MistakeKind::uneven_times;
     const bool has_one = kind == MistakeKind::late || kind == MistakeKind::zoomed;
-    const double penalty = has_many ? consistency.many_parameters : has_one ? consistency.one_parameter : 1.0;
-    return penalty * (a.score + consistency.cost_floor);
+    return std::pow(consistency.per_parameter, has_many ? 3 : has_one ? 1 : 0) * (a.score + consistency.cost_floor);
   }
 
   // In few places another focal length of a camera looks like its turn: both become one answer, as significant as the
@@ -348,7 +342,7 @@ ViewWatch::ViewWatch(const calib::CameraRig& rig, const object_tracking::TargetO
       cameras_(rig.cameras.size()),
       jumps_(rig.cameras.size()),
       tracks_(rig.cameras.size()),
-      time_sigmas_(rig.cameras.size(), timing_fault.initial_sigma_s),
+      time_sigmas_(rig.cameras.size(), 0),
       time_shifts_(rig.cameras.size(), 0),
       latency_sigmas_(rig.cameras.size(), unknown_sigma_s) {}
 
@@ -398,8 +392,8 @@ void ViewWatch::keep(const object_tracking::ObjectEstimate& estimate, std::span<
                      double now_s) {
   for (std::size_t c = 0; c < cameras_.size() && c < estimate.times.size(); ++c) {
     const calib::CameraTiming& timing = rig_.cameras[c].timing;
-    time_sigmas_[c] = std::hypot(estimate.times[c].latency_sigma_s,
-                                 timing_fault.usual_below_middle * estimate.times[c].readout_sigma_s);
+    time_sigmas_[c] =
+        std::hypot(estimate.times[c].latency_sigma_s, usual_below_middle * estimate.times[c].readout_sigma_s);
     latency_sigmas_[c] = estimate.times[c].latency_sigma_s;
     time_shifts_[c] = timing.latency_s.value_or(0) - estimate.times[c].latency_s;
     cameras_[c].readout_s = std::abs(estimate.times[c].readout_s);
@@ -407,7 +401,7 @@ void ViewWatch::keep(const object_tracking::ObjectEstimate& estimate, std::span<
   }
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
     PerCamera& camera = cameras_[c];
-    while (!camera.track.empty() && camera.track.front().t_s < now_s - view_samples.window_s - 1)
+    while (!camera.track.empty() && camera.track.front().t_s < now_s - pair_sampling.window_s - 1)
       camera.track.pop_front();
     const SeenRegion* chosen = nullptr;
     for (const SeenRegion& region : regions) {
@@ -459,7 +453,7 @@ bool ViewWatch::is_still(PerCamera& camera, const Eigen::Vector2d& px, double no
   std::erase_if(camera.spots,
                 [&](const PerCamera::Spot& spot) { return spot.last_s < now_s - view_samples.still_forgotten_s; });
   for (PerCamera::Spot& spot : camera.spots) {
-    if ((spot.px - px).norm() > view_samples.still_px) continue;
+    if ((spot.px - px).norm() > object_tracking::sighting_tuning.still_px) continue;
     spot.last_s = now_s;
     return ++spot.count >= view_samples.still_count && now_s - spot.first_s > view_samples.still_after_s;
   }
@@ -495,7 +489,7 @@ void ViewWatch::choose(const Track& all, double now_s, double shift_s, Track& ch
     return false;
   };
   for (std::size_t k = 0; k < all.size(); ++k) {
-    if (!smooth_[k] || all[k].t_s < now_s - view_samples.window_s || !(all[k].is_target || moves(k))) continue;
+    if (!smooth_[k] || all[k].t_s < now_s - pair_sampling.window_s || !(all[k].is_target || moves(k))) continue;
     chosen.push_back(all[k]);
     chosen.back().t_s += shift_s;
   }
@@ -631,7 +625,7 @@ std::optional<Mistake> ViewWatch::of_uneven_times() {
       camera.surest_latency_s = latency_s, camera.surest_sigma_s = sigma_s;
     const double too_long_s = camera.readout_s - camera.period_s;
     const bool is_too_long = !rig_.cameras[c].timing.readout_s && camera.intervals >= view_samples.period_intervals &&
-                             too_long_s > timing_fault.too_long_sigmas * camera.readout_sigma_s;
+                             too_long_s > timing_fault.sure_sigmas * camera.readout_sigma_s;
     if (!has_moved && !is_too_long) continue;
     const double size_s = std::max(has_moved ? moved_s : 0, is_too_long ? camera.readout_s : 0);
     if (!out) out = Mistake{.kind = MistakeKind::uneven_times};
@@ -665,12 +659,11 @@ std::optional<Mistake> ViewWatch::of_radius(const object_tracking::OutlineFindin
   std::ranges::sort(radii_m);
   // Occluders make regions smaller, neighbours of the colour larger: three quarters of the samples must agree.
   const double low_m = radii_m[radii_m.size() / 4], high_m = radii_m[3 * radii_m.size() / 4];
-  const double radius_m = target_.radius_m;
-  if (high_m > target_fault.min_region_ratio * radius_m && low_m < target_fault.max_region_ratio * radius_m)
-    return std::nullopt;
+  const auto [least_m, largest_m] = objects::alike_radii(target_.radius_m);
+  if (high_m > least_m && low_m < largest_m) return std::nullopt;
   return Mistake{.kind = MistakeKind::radius,
                  .size = radii_m[radii_m.size() / 2],
-                 .range_m = {low_m / target_fault.max_region_ratio, high_m / target_fault.min_region_ratio}};
+                 .range_m = {objects::alike_radii(low_m).first, objects::alike_radii(high_m).second}};
 }
 
 // A mistake is named when it was found often enough, and as long as it is found again within some seconds.

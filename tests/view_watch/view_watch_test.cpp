@@ -299,18 +299,25 @@ TEST(PairComparison, OnePlaceIsNotEnoughForATurn) {
   EXPECT_LT(found->gain, 16.3);
 }
 
-TEST(PairComparison, aTurnIsFoundExactly) {
-  scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 3}).build();
-  std::vector<Track> tracks(3);
+// Of an object that moves through the room. zoom: focal length of the second camera over the rig's.
+std::vector<Track> tracks_of(const scene::Scene& scene, double zoom = 1) {
+  std::vector<Track> tracks(scene.rig.cameras.size());
   for (int k = 0; k < 60; ++k) {
     const double t = k / 30.0;
     const Vector3d p(0.6 * std::sin(3 * t), 0.5 * std::cos(2.3 * t), 1 + 0.4 * std::sin(4 * t));
-    for (std::size_t c = 0; c < 3; ++c) {
+    for (std::size_t c = 0; c < tracks.size(); ++c) {
       const auto px = scene.rig.cameras[c].project_world(p)->px;
-      tracks[c].push_back(
-          {t, px, 4.0, sigma_of_region_px(4.0), 0.0, scene.rig.cameras[c].model.ray({px})->normalized()});
+      Vector3d ray = *scene.rig.cameras[c].model.ray({px});
+      if (c == 1) ray.z() /= zoom;
+      tracks[c].push_back({t, px, 4.0, sigma_of_region_px(4.0), 0.0, ray.normalized()});
     }
   }
+  return tracks;
+}
+
+TEST(PairComparison, aTurnIsFoundExactly) {
+  const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 3}).build();
+  const std::vector<Track> tracks = tracks_of(scene);
   const PairComparison right(scene.rig);
   const TimeSigmas times(3, 0.0);
   EXPECT_LT(right.agreement(tracks, {}, times).worst, 1e-3);
@@ -331,21 +338,10 @@ TEST(PairComparison, aTurnIsFoundExactly) {
 
 // Large errors, and one that any rig may have.
 TEST(PairComparison, aFocalLengthIsFoundExactly) {
-  scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 3}).build();
+  const scene::Scene scene = scene::SceneBuilder{}.cameras_on_ring({.count = 3}).build();
   const TimeSigmas times(3, 0.0);
   for (const double zoom : {0.8, 0.98, 1.3}) {
-    std::vector<Track> tracks(3);
-    for (int k = 0; k < 60; ++k) {
-      const double t = k / 30.0;
-      const Vector3d p(0.6 * std::sin(3 * t), 0.5 * std::cos(2.3 * t), 1 + 0.4 * std::sin(4 * t));
-      for (std::size_t c = 0; c < 3; ++c) {
-        const auto px = scene.rig.cameras[c].project_world(p)->px;
-        Vector3d ray = scene.rig.cameras[c].model.ray({px})->normalized();
-        if (c == 1) ray = Vector3d(ray.x(), ray.y(), ray.z() / zoom).normalized();
-        tracks[c].push_back({t, px, 4.0, sigma_of_region_px(4.0), 0.0, ray});
-      }
-    }
-    const BestZoom found = best_zoom(PairComparison(scene.rig), tracks, 1, times);
+    const BestZoom found = best_zoom(PairComparison(scene.rig), tracks_of(scene, zoom), 1, times);
     EXPECT_NEAR(found.zoom, zoom, 1e-3);
     EXPECT_GT(found.gain, 0);
   }

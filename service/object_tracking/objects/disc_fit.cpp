@@ -13,7 +13,6 @@ namespace {
 
 struct DiscFitTuning {
   int directions = 28;            // normals on which the outline is sampled; more changes nothing (experiment)
-  int min_seen = 4;               // outline points that a fit needs: three unknowns
   int passes = 3;                 // Gauss-Newton steps over all discs
   double step_px = 0.5;           // px, sampling along a normal
   double edge_sigma_px = 0.5;     // px, 1 sigma of one outline point: pixel grid, noise, blur
@@ -126,7 +125,7 @@ std::vector<std::optional<FittedDisc>> fit_discs(color::MatchBits& bits, std::sp
                                         2 + disc_fit.window_share * discs[i].radius_px + slack_px);
       outline_of(bits, discs, i, window_px, outline);
       out[i].reset();
-      if (int(outline.normals.size()) < disc_fit.min_seen) continue;
+      if (outline.normals.empty()) continue;
       const Solution found = solve(outline.normals, discs[i]);
       discs[i].px += found.shift;
       out[i] = {discs[i].px, found.covariance, double(outline.normals.size()) / disc_fit.directions,

@@ -13,21 +13,19 @@ namespace {
 
 // Probabilities under clutter are of one view; ratios of likelihoods are natural logarithms.
 struct BirthTuning {
-  std::size_t crossings_per_object = 4;  // candidates kept per frame set and possible object
-  int sets = 2;                          // frame sets that confirm a candidate that no view speaks against
+  int sets = 2;                     // frame sets that confirm a candidate that no view speaks against
   double clutter_at_place = 0.004;  // a region lies within a radius of a place: some regions among a thousand discs
   double clutter_on_line = 0.03;    // a region lies within a few pixels of an epipolar line
   double clutter_round = 0.15;      // a region of the static scene is as round as a disc
   double clutter_log_sizes = 2.5;   // range of the logarithms of the radii that regions are searched in
   double max_size_cost = 3;         // a wrong size counts no more against it: it may be occluded
-  double max_size = 1.2;        // radius over the expected one of a disc that speaks for an object: its edge is blurred
-  double clear_evidence = 7;    // log-likelihood ratio, one false in a thousand rooms: what three views show alike
-  double throw_factor = 2;      // times start_speed_m_s: a clear object may just have been thrown
-  double margin_share = 0.5;    // of the volume's largest extent that is searched around it
-  double moved_nis = 25;        // chi-square, 3 dof, 1 - 1.5e-5: surely moved
-  double min_step_share = 0.3;  // of the mean step that the last one must have: slow steps are half noise
-  int path_sets = 6;            // frame sets over which a motion is measured
-  double ambiguity = 2;         // log-likelihood ratio up to which two candidates are equally good
+  double clear_evidence = 7;        // log-likelihood ratio, one false in a thousand rooms: what three views show alike
+  double throw_factor = 2;          // times start_speed_m_s: a clear object may just have been thrown
+  double margin_share = 0.5;        // of the volume's largest extent that is searched around it
+  double moved_nis = 25;            // chi-square, 3 dof, 1 - 1.5e-5: surely moved
+  double min_step_share = 0.3;      // of the mean step that the last one must have: slow steps are half noise
+  int path_sets = 6;                // frame sets over which a motion is measured
+  double ambiguity = 2;             // log-likelihood ratio up to which two candidates are equally good
 };
 constexpr BirthTuning birth_tuning{};
 
@@ -68,7 +66,7 @@ double evidence_of_discs(const PositionCandidate& c, double radius_m) {
   double evidence = 0;
   for (const Sighting& s : c.sightings) {
     const auto at = project_ball(*s.camera, c.position, radius_m);
-    if (!at || !has_disc_shape(s) || s.radius_px > birth_tuning.max_size * at->radius_px) continue;
+    if (!at || !has_disc_shape(s) || is_too_large_alone(s.radius_px, at->radius_px)) continue;
     const double size = std::log(s.radius_px / at->radius_px) / sighting_tuning.region_size_sigma;
     evidence += std::max(0.0, llr_round() + llr_of_size() - 0.5 * size * size);
   }
@@ -131,8 +129,8 @@ std::vector<ObjectBirths::Candidate> ObjectBirths::candidates(const std::vector<
                                                               const StaticClutterMask& still,
                                                               const MotionState& times) const {
   std::vector<Candidate> all;
-  for (PositionCandidate& c : cross_rays(views, regions, target_, options_, times,
-                                         birth_tuning.crossings_per_object * TargetOptions::most_count))
+  for (PositionCandidate& c :
+       cross_rays(views, regions, target_, options_, times, sighting_tuning.max_crossings * TargetOptions::most_count))
     all.push_back(weighed(std::move(c), views, regions, covered, still));
   std::ranges::stable_sort(all, [](const Candidate& a, const Candidate& b) { return a.evidence > b.evidence; });
   std::vector<Candidate> out;

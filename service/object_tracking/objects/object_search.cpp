@@ -14,8 +14,8 @@ using namespace object_tracking;
 namespace {
 
 struct SearchTuning {
-  int max_discs = 4;            // discs in a row that one region may be of
   double min_area_share = 0.3;  // of the square of the smallest radius that a region must have where one is searched
+  int max_discs = 4;            // discs in a row that one region may be of
 };
 constexpr SearchTuning search_tuning{};
 
@@ -45,8 +45,7 @@ const std::vector<color::ColorRegion>& whole_regions(color::RegionFinder& finder
                                                      std::span<const color::PixelAt> also) {
   const double usual = std::sqrt(size.smallest_px * size.largest_px);
   const int step = std::max(1, int(std::numbers::sqrt2 * size.smallest_px));  // no disc is between points
-  const int min_area =
-      std::max(2, int(sighting_tuning.min_disc_share * std::numbers::pi * size.smallest_px * size.smallest_px));
+  const int min_area = std::max(2, int(sighting_tuning.min_disc_share * disc_area(size.smallest_px)));
   const int largest = int(std::ceil(2 * size.largest_px * std::min(count, search_tuning.max_discs))) + 2;
   return finder.components(matches, step, also, int(2 * usual) + 2, largest, min_area);
 }

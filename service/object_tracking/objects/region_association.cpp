@@ -16,7 +16,6 @@ using namespace object_tracking;
 namespace {
 
 struct RegionAssignmentTuning {
-  double max_disc_share = 1.4;    // of the disc's area, of a region that is one object alone
   double min_outline = 0.15;      // share of the outline that must be seen
   double max_passed = 0.25;       // share across which the colour goes on: a ball of its size that touches passes 0.1
   double support_per_seen = 1.5;  // support of an outline over its visible share
@@ -144,7 +143,7 @@ Sighting RegionAssociation::by_region(const TargetView& view, std::span<const co
   for (std::size_t r = 0; r < regions.size(); ++r) {
     if (out.is_explained[r] != 0 ||
         (regions[r].centre - region.centre).norm() > sighting_tuning.part_radii * expected.at.radius_px ||
-        region.area + regions[r].area > assignment_tuning.max_disc_share * disc_area(expected.at.radius_px))
+        region.area + regions[r].area > sighting_tuning.alone_share * disc_area(expected.at.radius_px))
       continue;
     region = joined(region, regions[r]);
     out.is_explained[r] = 1;
@@ -158,7 +157,7 @@ bool RegionAssociation::is_whole(const TargetView& view, const Sighting& by_regi
   const double radius_px = expected.at.radius_px;
   return by_region.covariance.trace() < assignment_tuning.whole_variance *
                                             base_error(radius_px, pixel_noise_px_, sample_px(*view.image)).noise_px2 &&
-         by_region.radius_px * by_region.radius_px < assignment_tuning.max_disc_share * radius_px * radius_px;
+         !is_too_large_alone(by_region.radius_px, radius_px);
 }
 
 AssociatedSightings RegionAssociation::associate(const TargetView& view, std::span<const color::ColorRegion> regions,

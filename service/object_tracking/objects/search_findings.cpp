@@ -18,7 +18,6 @@ struct SearchEvidenceTuning {
   double meeting_radii = 0.3;         // radii, in addition
   std::size_t max_regions = 3;        // per view, the largest ones: an object, not specks
   std::size_t min_pairs = 10;         // of regions, from which a radius is stated
-  double max_quartiles = 1.5;         // ratio of the radii's quartiles: chance pairs scatter over decades
   std::size_t min_sets_divisor = 10;  // a camera sees the colour if it does in one of so many frame sets
 };
 constexpr SearchEvidenceTuning search_evidence{};
@@ -73,7 +72,8 @@ SearchFindings SearchLog::findings() const {
   std::vector<double> sorted = radii_m_;
   std::ranges::sort(sorted);
   const std::size_t n = sorted.size();
-  if (sorted[3 * n / 4] <= search_evidence.max_quartiles * sorted[n / 4]) out.radius_m = sorted[n / 2];
+  // Chance pairs scatter over decades.
+  if (are_radii_alike(sorted[3 * n / 4], sorted[n / 4])) out.radius_m = sorted[n / 2];
   return out;
 }
 

@@ -18,14 +18,11 @@ struct StaticClutterTuning {
   double shared_above = 2.5;    // times the share that the objects could cover: more is the room's; radii may be wrong
   double shared_below = 1.5;    // hysteresis of shared_above
   double min_share = 0.003;     // of an image; fewer than ten grid points are chance
-  double covered_radii = 1.4;   // radii around a tracked object in which nothing is learnt: blur, motion
-  double covered_px = 3;        // px, in addition
   double surrounded = 0.5;      // share of an object's surroundings of its colour from which it counts as clutter
   int around_points = 24;       // points at which these are sampled
   double min_disc = 0.6;        // area of a disc over the smallest one of an object, and of the largest over its area
   double min_roundness = 0.75;  // of its half widths
   double min_filled = 0.85;     // of the ellipse of these half widths
-  double cut_radii = 1.5;       // radii from a region's centre in which masked clutter may have cut it
   std::size_t probes = 64;      // masked pixels by which a view's light is followed: medians to a sixth of sigma
   float usual_sigmas = 4;       // of a masked pixel's noise: 6e-5 differ by more
   float min_noise = 1;          // grey values, 1 sigma of that noise
@@ -36,6 +33,7 @@ constexpr int grid_px = color::TileAt::size;  // layout: a point per tile
 constexpr double tile_half_px = 3.5;          // layout: from a tile's first pixel to its centre
 constexpr float sigma_of_mad = 1.4826f;       // maths: of a normal distribution
 constexpr double tile_reach_px = 6;           // layout: more than from there to its corner
+constexpr float brightest = 255;              // unit: of a byte
 
 constexpr std::uint64_t left_column = 0x0101010101010101u, right_column = left_column << 7;  // layout
 constexpr std::uint64_t top_row = 0xff, bottom_row = top_row << 56;                          // layout
@@ -58,8 +56,12 @@ color::TileAt tile_at(std::size_t index, int stride) {
   return {static_cast<std::uint16_t>(int(index) % stride), static_cast<std::uint16_t>(int(index) / stride)};
 }
 
+double covered_px(const Sighting& s) {
+  return sighting_tuning.covered_radii * s.radius_px + sighting_tuning.covered_px;
+}
+
 bool is_surrounded(const TargetView& view, const Sighting& s) {
-  const double reach = static_clutter.covered_radii * s.radius_px + static_clutter.covered_px + 1;
+  const double reach = covered_px(s) + 1;
   int seen = 0, matching = 0;
   for (int i = 0; i < static_clutter.around_points; ++i) {
     const double angle = 2 * std::numbers::pi * i / static_clutter.around_points;
@@ -85,7 +87,7 @@ void StaticClutterMask::forget(std::size_t camera) {
 }
 
 bool StaticClutterMask::may_clip(std::size_t camera, const Eigen::Vector2d& px, double radius_px) const {
-  const double reach_px = static_clutter.cut_radii * radius_px;
+  const double reach_px = sighting_tuning.part_radii * radius_px;
   const PerCamera& in = cameras_[camera];
   if (in.listed.empty() || !px.allFinite()) return false;
   const int rows = int(in.tiles.size()) / in.stride;
@@ -151,8 +153,7 @@ bool StaticClutterMask::is_starting(capture::Timestamp set_at) const {
 void StaticClutterMask::learn_colors(const TargetView& view, PerCamera& camera) {
   if (!view.matches->has_pixels() || view.table == nullptr) return;
   discs_.clear();
-  for (const Sighting& s : covering_)
-    discs_.push_back({s.px, static_clutter.covered_radii * s.radius_px + static_clutter.covered_px});
+  for (const Sighting& s : covering_) discs_.push_back({s.px, covered_px(s)});
   if (camera.colors == nullptr) camera.colors = std::make_shared<color::RoomColors>();
   camera.colors->learn(*view.matches, *view.table, view.image->format, discs_, kept_samples);
   view.matches->set_room(camera.colors);
@@ -292,7 +293,7 @@ void StaticClutterMask::learn_pixels(const TargetView& view, PerCamera& camera, 
 std::uint64_t StaticClutterMask::covered_in(color::TileAt tile) const {
   std::uint64_t covered = 0;
   for (const Sighting& s : covering_) {
-    const double reach = static_clutter.covered_radii * s.radius_px + static_clutter.covered_px;
+    const double reach = covered_px(s);
     const double du = tile.pixel_u() + tile_half_px - s.px.x(), dv = tile.pixel_v() + tile_half_px - s.px.y();
     if (std::hypot(du, dv) > reach + tile_reach_px) continue;
     for (int bit = 0; bit < 64; ++bit) {
@@ -328,7 +329,7 @@ void StaticClutterMask::learn_usual(const TargetView& view, const PerCamera& cam
     const bool is_new = !is_known || (differs & tile.changed[0] & tile.changed[1] & here) != 0;
     for (std::size_t c = 0; c < 3; ++c) {
       const float mean = is_as_usual && !is_covered ? (3 * expected[c] + float(now[c])) / 4 : expected[c];
-      usual[c] = is_new ? now[c] : static_cast<std::uint8_t>(std::lround(std::clamp(mean, 0.f, 255.f)));
+      usual[c] = is_new ? now[c] : static_cast<std::uint8_t>(std::lround(std::clamp(mean, 0.f, brightest)));
     }
   }
   tile.changed = {differs, tile.changed[0]};

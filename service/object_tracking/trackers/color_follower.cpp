@@ -13,10 +13,9 @@ using namespace object_tracking;
 namespace {
 
 constexpr PerColorAxis furthest = furthest_followed;
-constexpr PerColorAxis least_step{color_follower.least_step_hue_deg, color_follower.least_step_share,
-                                  color_follower.least_step_share};
-constexpr PerColorAxis largest_step{color_follower.largest_step_hue_deg, color_follower.largest_step_saturation,
-                                    color_follower.largest_step_intensity};
+// Smaller changes than half of the noise are not worth a table; one table is for at most twice the noise.
+constexpr PerColorAxis least_step{color_noise[0] / 2, color_noise[1] / 2, color_noise[2] / 2};
+constexpr PerColorAxis largest_step{2 * color_noise[0], 2 * color_noise[1], 2 * color_noise[2]};
 
 // The shift nearest to `from` with which the object is `inside` times ColorWatch's distance from both ends.
 PerColorAxis shift_between(const color::HsiRange& taught, const SeenColor& seen, double inside,

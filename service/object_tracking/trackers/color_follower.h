@@ -29,13 +29,8 @@ struct ColorFollowerTuning {
   double furthest_saturation = 0.15;  // likewise
   double furthest_intensity = 0.2;    // likewise
   double least_saturation = 0.15;     // a range below it would hold greys
-  double least_step_hue_deg = 1.5;    // smaller changes are not worth a table
-  double least_step_share = 0.015;    // likewise, of saturation and of intensity
-  double largest_step_hue_deg = 6;    // of one table: some degrees in a second
-  double largest_step_saturation = 0.06;  // likewise
-  double largest_step_intensity = 0.07;   // likewise
-  double longest_unseen_s = 1;            // older measurements of the colour are not used
-  double forgotten_after_s = 10;          // of a lost object, the taught range is used again
+  double longest_unseen_s = 1;        // older measurements of the colour are not used
+  double forgotten_after_s = 10;      // of a lost object, the taught range is used again
   double well_inside = 2;    // where a range moves to: ends this much further from the median than ColorWatch warns at
   double just_inside = 1.3;  // from where on it moves, likewise
   double steps_back = 4;     // least steps by which a range that is off too far goes back

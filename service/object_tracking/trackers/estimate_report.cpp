@@ -12,7 +12,6 @@ using namespace object_tracking;
 namespace {
 
 struct EstimateReportTuning {
-  int set_time_ms = 2;                // an estimate this near to the set's time is extrapolated to it along a line
   double confirmation_by_view = 0.9;  // how far a view that shows the whole disc confirms the object
 };
 constexpr EstimateReportTuning reporting{};
@@ -60,8 +59,8 @@ ObjectEstimate report(const ToReport& in, RigError& rig_error, capture::Timestam
     e.per_view[c].inflation_px = static_cast<float>(std::sqrt(in.agreement.inflation_px2(c)));
   if (!e.has_position()) return e;
   // A set of one moment gets the stamp of that moment, whatever the uncertain times of a few rows say.
-  const bool is_of_the_set = std::chrono::abs(set.at - motion.at) <= std::chrono::milliseconds(reporting.set_time_ms) &&
-                             set.at > last_published;
+  const bool is_of_the_set =
+      std::abs(capture::seconds(set.at - motion.at)) <= sighting_tuning.same_time_s && set.at > last_published;
   e.at = is_of_the_set ? set.at : std::max(motion.at, last_published + capture::Duration(1));
   last_published = e.at;
   e.position = motion.position_at(e.at);

@@ -18,10 +18,9 @@ using namespace objects;
 namespace {
 
 struct ManyTrackerTuning {
-  double one_object_diameters = 0.6;  // nearer centres are one object; two that touch are one diameter apart
-  double elsewhere_radii = 6;         // a region this near may be the object in a camera that was turned (experiment)
-  double apart_radii = 2;             // of both discs: further apart, no region is of two objects
-  double probe_radii = 0.6;           // regions are also searched here around an expected centre (experiment)
+  double elsewhere_radii = 6;  // a region this near may be the object in a camera that was turned (experiment)
+  double apart_radii = 2;      // of both discs: further apart, no region is of two objects
+  double probe_radii = 0.6;    // regions are also searched here around an expected centre (experiment)
   double longest_outside_of_coast = 0.5;  // an object outside of the volume ends after this share of coast_s
 };
 constexpr ManyTrackerTuning many_tracker{};
@@ -131,7 +130,7 @@ bool ManyTracker::is_repeated(const TargetView& view, std::span<const color::Col
   LastRegions& last = last_regions_[static_cast<std::size_t>(view.index)];
   const double since_s = capture::seconds(view.frame->captured_at - last.captured_at);
   const bool has_moved = std::ranges::any_of(expected, [&](const ExpectedObject& e) {
-    return e.motion.velocity.norm() * since_s > sighting_tuning.repeat_px;
+    return e.motion.velocity.norm() * since_s > sighting_tuning.same_place_px;
   });
   last.is_repeated =
       !last.is_repeated && has_moved && !regions.empty() &&
@@ -274,7 +273,7 @@ void ManyTracker::judge(Object& object, const capture::FrameSet& set) {
 
 // Of two tracks of one object, the one that more views see stays; of equal ones the older.
 void ManyTracker::end_duplicates() {
-  const double least_m = many_tracker.one_object_diameters * 2 * target_.radius_m;
+  const double least_m = sighting_tuning.same_object_radii * target_.radius_m;
   for (std::size_t i = 0; i < objects_.size(); ++i) {
     for (std::size_t j = i + 1; j < objects_.size(); ++j) {
       Object &a = *objects_[i], &b = *objects_[j];

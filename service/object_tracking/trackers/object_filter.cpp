@@ -23,12 +23,10 @@ struct ObjectFilterTuning {
   double highest_acceleration_factor = 4;  // of the configured acceleration
   double acceleration_growth = 1.5;        // of one step of covariance matching
   double acceleration_settling = 0.05;     // logarithm of its change per unit of NIS and set (experiment)
-  double usual_nis = 3;                    // above it the acceleration is raised
-  double bounce_nis = 6;                   // above it at the highest acceleration: a bounce, a hit or a throw
-  double outlier_nis_ratio = 3;            // by which leaving out one inconsistent view must reduce the NIS
-  float farthest_d2 = 50;                  // of the linearised likelihood: keeps weights of far particles finite
-  double least_ess_share = 0.1;            // of the particles; below it their weights are not used
-  double least_variance_m2 = 1e-10;        // added to the position's variance: keeps its covariance invertible
+  double usual_nis = 3;  // above it the acceleration is raised; twice that at the highest one is a bounce, hit or throw
+  double outlier_nis_ratio = 3;  // by which leaving out one inconsistent view must reduce the NIS
+  float farthest_d2 = 50;        // of the linearised likelihood: keeps weights of far particles finite
+  double least_ess_share = 0.1;  // of the particles; below it their weights are not used
 };
 constexpr ObjectFilterTuning object_filter{};
 
@@ -218,7 +216,7 @@ void ObjectFilter::raise_acceleration(std::vector<Sighting>& sightings) {
 }
 
 bool ObjectFilter::is_unexplained(std::span<const Sighting> sightings) const {
-  return sightings.size() >= 2 && mean_nis() > object_filter.bounce_nis;
+  return sightings.size() >= 2 && mean_nis() > 2 * object_filter.usual_nis;
 }
 
 double ObjectFilter::kick_m_s() const {
@@ -337,8 +335,8 @@ void ObjectFilter::estimate(MotionState&& proposal) {
       particle_filter::weighted_moments(particles_.x.data(), particles_.y.data(), particles_.z.data(), weight_.data(),
                                         particles_.size(), proposal.position().cast<float>());
   motion_ = std::move(proposal);
-  motion_.set_position(moments.mean,
-                       moments.covariance + object_filter.least_variance_m2 * Eigen::Matrix3d::Identity());
+  // 1e-10 m^2 keep it invertible.
+  motion_.set_position(moments.mean, moments.covariance + 1e-10 * Eigen::Matrix3d::Identity());
   map_ = Eigen::Vector3f(particles_.x[moments.best], particles_.y[moments.best], particles_.z[moments.best])
              .cast<double>();
 }

@@ -114,7 +114,7 @@ bool ObjectSighter::is_repeated(const TargetView& view, std::span<const color::C
   LastRegion& last = last_[static_cast<std::size_t>(view.index)];
   const double moved_px =
       (at.jacobian * motion.velocity()).norm() * capture::seconds(view.frame->captured_at - last.captured_at);
-  last.is_repeated = !last.is_repeated && moved_px > sighting_tuning.repeat_px &&
+  last.is_repeated = !last.is_repeated && moved_px > sighting_tuning.same_place_px &&
                      std::ranges::any_of(regions, [&](const color::ColorRegion& region) {
                        return region.area == last.region.area && region.centre == last.region.centre;
                      });

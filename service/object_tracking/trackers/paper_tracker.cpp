@@ -136,7 +136,7 @@ ObjectEstimate PaperTracker::estimate(const capture::FrameSet& set, const std::v
     support.px = window.px;
     support.support = static_cast<float>(window.k) / window_pixels;
     support.seen = 2 * window.k > window_pixels;
-    support.radius_px = 2.5f;
+    support.radius_px = std::sqrt(static_cast<float>(window_pixels)) / 2;
     e.views += support.seen ? 1 : 0;
     e.confidence += static_cast<double>(support.support) / static_cast<double>(views.size());
   }
