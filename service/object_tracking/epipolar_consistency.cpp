@@ -90,9 +90,9 @@ void EpipolarConsistency::compare(std::span<const PathResidual> views, double ve
       if (!epipolar_residual(i, j, path_m * path_m, seen)) continue;
       const auto ci = std::size_t(i.camera), cj = std::size_t(j.camera);
       Pair& p = pair(ci, cj);
-      const double stated_px2 = seen.expected_px2 + seen.share_i * variance_px2_[ci] + seen.share_j * variance_px2_[cj];
       if (p.noise_scale2 == 0) p.noise_scale2 = 1;
-      p.noise_scale2 += epipolar_consistency.mean_share * (seen.off_px * seen.off_px / stated_px2 - p.noise_scale2);
+      p.noise_scale2 +=
+          epipolar_consistency.mean_share * (seen.off_px * seen.off_px / seen.expected_px2 - p.noise_scale2);
       if (i.is_cut || j.is_cut) continue;
       note(p, seen);
       note_place(p, seen, i, j);
@@ -301,7 +301,7 @@ void EpipolarConsistency::for_each_pair(F&& each) const {
 double EpipolarConsistency::noise_scale2() const {
   double sum = 0, pairs = 0;
   for (const Pair& p : pairs_)
-    if (p.noise_scale2 > 0) sum += p.noise_scale2, ++pairs;
+    if (p.noise_scale2 > 0) sum += std::min(p.noise_scale2, epipolar_consistency.consistent_scale2), ++pairs;
   return pairs > 0 ? std::max(1.0, sum / pairs) : 1;
 }
 

@@ -65,8 +65,9 @@ class EpipolarConsistency {
   // Views are inconsistent, and no two of them have been consistent at any place since: none can be trusted.
   bool no_consistent_pair() const { return no_consistent_pair_; }
   double variance_px2(std::size_t camera) const { return variance_px2_[camera]; }  // S
-  // Variance of the residuals over the expected one, S included: mean of all pairs over about a second, at least 1. The
-  // measurements' variance is larger than stated by this factor, as by fingers on a ball (Birge 1932).
+  // Variance of the residuals over the expected one, without S: mean of all pairs over some 16 sets, each up to what
+  // still counts as consistent; at least 1. The measurements' variance is larger than stated by this factor, as by
+  // fingers on a ball (Birge 1932).
   double noise_scale2() const;
   // Residual variance over the expected one; 0: too few residuals.
   double scale2(std::size_t i, std::size_t j) const { return pair(i, j).scale2; }
@@ -80,7 +81,7 @@ class EpipolarConsistency {
     double scale2 = 0;
     double excess_px2 = 0;    // variance of off_px beyond the expected one
     double lasting_px2 = 0;   // the part of it that fades slowly
-    double noise_scale2 = 0;  // running mean of off_px^2 over its variance with S; 0: none yet
+    double noise_scale2 = 0;  // running mean of off_px^2 / expected_px2; 0: none yet
     // Where the pair was consistent since it last was not: in both images, as a wrong rig does not know the place.
     Eigen::Vector4d places[pair_history.places];
     std::size_t place_count = 0;
