@@ -23,6 +23,7 @@
 #include "calib/yaml/yaml_reader.h"
 #include "capture/network_source.h"
 #include "config/config_check.h"
+#include "config/view_volume.h"
 #include "recordings/bags/bag.h"
 #include "recordings/recording.h"
 
@@ -876,6 +877,16 @@ void take_latencies(ServiceConfig& config, const yaml::YamlReader& root) {
   }
 }
 
+// The default volume is for cameras around a room. The only camera's world often begins at the camera itself.
+void search_where_one_camera_sees(ServiceConfig& config, const yaml::YamlReader& root) {
+  const bool is_only_one = config.is_calibrated() && config.rig.cameras.size() == 1;
+  if (!is_only_one || root.map_or_empty("object_tracking").has("volume")) return;
+  const auto largest = std::ranges::max_element(config.targets, {}, &object_tracking::TargetOptions::radius_m);
+  const double radius_m =
+      largest != config.targets.end() ? largest->radius_m : object_tracking::TargetOptions().radius_m;
+  config.object_tracking.volume = seen_volume(config.rig.cameras.front(), radius_m);
+}
+
 // A rig of the configuration's cameras with guessed lenses: names and sizes are known, and no pose.
 calib::CameraRig rig_before_calibration(const std::vector<LiveCameraConfig>& cameras) {
   constexpr calib::ImageSize usual{640, 480};
@@ -924,6 +935,7 @@ ServiceConfig read_config(const fs::path& file, const yaml::YamlReader& written,
   config.dds.publisher.has_other_hosts =
       std::ranges::any_of(config.cameras, [](const LiveCameraConfig& camera) { return !camera.host.empty(); });
   config.dds.publisher.tracked_camera = config.camera_tracking.camera;
+  search_where_one_camera_sees(config, root);
   check(config, root);
   for (auto& target : config.targets) {
     target.ignored = config.ignored;

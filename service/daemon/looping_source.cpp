@@ -43,6 +43,7 @@ std::optional<capture::Frame> LoopingSource::next(std::stop_token stop) {
 
 capture::Frame LoopingSource::continued(capture::Frame frame) {
   if (std::exchange(has_jumped_, false)) {
+    ++jumps_;
     if (last_at_) shift_ = *last_at_ + options_.step - frame.captured_at;
     arrival_shift_ = next_arrival_ - frame.arrival;
   }

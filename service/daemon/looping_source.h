@@ -30,6 +30,7 @@ class LoopingSource final : public capture::FrameSource {
   std::optional<capture::Frame> next(std::stop_token stop) override;
   bool ended(int camera) const override { return !options_.loops && source_->ended(camera); }
   capture::Duration waited() const override { return source_->waited(); }
+  std::uint64_t jumps() const override { return jumps_; }
 
   // Before seek(): the frame that next() returned last was not used.
   void take_back(const capture::Frame& last);
@@ -48,6 +49,7 @@ class LoopingSource final : public capture::FrameSource {
   const LoopingSourceOptions options_;
   std::optional<capture::Timestamp> from_;  // of this pass, on the recording's clock: earlier frames are left out
   bool has_jumped_ = false;                 // the next frame is the first after a jump
+  std::uint64_t jumps_ = 0;
   capture::Duration shift_{0};
   std::optional<capture::Timestamp> last_at_, before_last_at_;  // newest capture time, shifted; before the last frame
   struct Numbers {

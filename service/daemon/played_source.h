@@ -41,6 +41,7 @@ class PlayedSource final : public capture::FrameSource, public page::Playback {
   std::optional<capture::Frame> next(std::stop_token stop) override;
   bool ended(int camera) const override { return !ahead_ && source_->ended(camera); }
   capture::Duration waited() const override { return waited_; }
+  std::uint64_t jumps() const override { return source_->jumps(); }
   // Part of it during pauses. After the last next().
   capture::Duration paused() const { return paused_; }
 

@@ -252,12 +252,14 @@ std::string shown_name(const recordings::Recording& recording) {
 // A visible target is usually found in two sets; a longer search has a reason.
 constexpr double usual_search_s = 0.5;
 
-// Share of the target's estimates that are `tracking`.
-double tracked_share(const TargetSummary& target) {
+// Advice for a target that was tracked, but may be something else.
+std::string doubt_advice(const TargetSummary& summary, const object_tracking::TargetOptions& target) {
   std::uint64_t all = 0, tracked = 0;
-  for (const auto& [state, count] : target.sets)
+  for (const auto& [state, count] : summary.sets)
     all += count, tracked += state == object_tracking::TrackState::tracking ? count : 0;
-  return all == 0 ? 0 : double(tracked) / double(all);
+  if (tracked == 0) return {};
+  const std::string seldom = reports::seldom_advice(double(tracked) / double(all), target);
+  return seldom.empty() ? reports::unsure_advice(double(summary.unsure_sets) / double(tracked), target) : seldom;
 }
 
 // Where the rig does not explain the views: cameras whose files turn their pictures by a tag. Empty: none.
@@ -304,7 +306,7 @@ ReplaySummary summary_of(const config::ServiceConfig& config, const ReplayComman
     if (target.first_tracking_set) {
       if (target.first_tracking_s > usual_search_s)
         target.advice = reports::late_advice(figures.searches[t], config.targets[t], do_views_contradict);
-      if (target.advice.empty()) target.advice = reports::seldom_advice(tracked_share(target), config.targets[t]);
+      if (target.advice.empty()) target.advice = doubt_advice(target, config.targets[t]);
       continue;
     }
     target.advice = grey_text(source);

@@ -196,8 +196,9 @@ std::string first_configuration(std::span<const SetUpCamera> cameras, double mem
   else
     text += fmt::format(
         "rig: {}\n"
-        "# Where balls may be: metres from the camera, x forwards, y to the left, z up.\n"
-        "object_tracking: {{volume: {{min: [0.2, -1.5, -1.5], max: [4, 1.5, 1.5]}}}}\n",
+        "# Balls are found wherever the camera sees them. object_tracking: {{volume: ...}} limits that; metres from "
+        "the\n"
+        "# camera, x forwards, y to the left, z up.\n",
         rig);
   text += "cameras:\n";
   int number = 0;

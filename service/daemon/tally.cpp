@@ -1,5 +1,6 @@
 #include "daemon/tally.h"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 
 namespace huetrack::daemon {
@@ -10,6 +11,8 @@ Tally::Tally(const config::ServiceConfig& config, const tracks::Truth* truth) {
   for (const auto& target : config.targets) {
     Target& added = targets_.emplace_back();
     added.summary.name = target.name;
+    added.radius_m = target.radius_m;
+    if (config.rig.cameras.size() == 1) added.judged_axis = 1;
     if (truth != nullptr && truth->targets().contains(target.name)) added.comparison.emplace(*truth, target.name);
   }
   if (!config.camera_tracking.camera.empty()) camera_.emplace().name = config.camera_tracking.camera;
@@ -21,6 +24,10 @@ void Tally::Target::add(const object_tracking::ObjectEstimate& estimate, std::ui
   if (estimate.state == object_tracking::TrackState::tracking && !summary.first_tracking_set) {
     summary.first_tracking_set = set;
     summary.first_tracking_s = capture::seconds(estimate.at - *first_at);
+  }
+  if (estimate.state == object_tracking::TrackState::tracking) {
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(estimate.covariance, Eigen::EigenvaluesOnly);
+    if (axes.eigenvalues()[judged_axis] > radius_m * radius_m) ++summary.unsure_sets;
   }
   if (comparison) comparison->add(estimate);
   if (estimate.is_birth) ++summary.objects, summary.most_objects = std::max(summary.most_objects, ++objects_now);

@@ -21,6 +21,7 @@
 #include "color_teaching/spread_moments.h"
 #include "config/service_config.h"
 #include "config/taught_file.h"
+#include "config/view_volume.h"
 #include "page/color_trial.h"
 #include "page/request_words.h"
 #include "pictures/pictures.h"
@@ -353,16 +354,23 @@ std::optional<double> radius_to_write(const color_teaching::Lesson& lesson, cons
 }
 
 // Advice for a colour that fails the trial. lesson: has the tried radius. is_sized: the radius is configured.
-std::string what_to_try(const color_teaching::Lesson& lesson, bool is_sized) {
+std::string what_to_try(const color_teaching::Lesson& lesson, const calib::Camera& camera, const Eigen::Vector2d& px,
+                        const object_tracking::Volume& volume, bool is_sized) {
   constexpr double mm = 1e3;
   const double tried_mm = mm * lesson.target.radius_m;
+  if (!config::meets_volume(camera, px, volume))
+    return fmt::format(
+        "the point in {} is outside of object_tracking.volume, min: [{:g}], max: [{:g}]: extend the volume, in the "
+        "rig's world frame, to where the object is",
+        camera.name, fmt::join(volume.min, ", "), fmt::join(volume.max, ", "));
   if (color_teaching::differs_clearly(lesson.radius, lesson.target.radius_m))
     return fmt::format(
         "the search accepts only objects of about the configured radius, {:g} mm, but the pictures show {:.0f} mm: use "
         "that with --radius, or correct radius_m",
         tried_mm, mm * *lesson.radius.radius_m);
   return "give its place in every camera (--at), or where it is larger, or in another frame" +
-         (is_sized ? fmt::format("; or radius_m, {:g} mm, is wrong: --radius uses the measured one", tried_mm)
+         (is_sized ? fmt::format("; or radius_m, {:g} mm, is wrong{}", tried_mm,
+                                 lesson.radius.radius_m ? ": --radius uses the measured one" : "")
                    : std::string());
 }
 
@@ -375,7 +383,8 @@ bool holds_on_recording(const color_teaching::Lesson& lesson, const TeachCommand
   const bool holds = trial.is_sure && (trial.is_found() || lesson.accepted.empty());
   if (command.accept && !holds) {
     fmt::print(stderr, "huetrackd: nothing is saved: with the learnt colour, {}: {}\n", words,
-               what_to_try(lesson, !config.unsized_targets.contains(lesson.target.name)));
+               what_to_try(lesson, config.rig.cameras[std::size_t(seen.point.camera)], seen.point.px,
+                           config.object_tracking.volume, !config.unsized_targets.contains(lesson.target.name)));
     return false;
   }
   fmt::print("{} the learnt colour, {}\n", trial.is_sure && trial.is_found() ? "With" : "Warning: with", words);

@@ -252,6 +252,7 @@ void Pipeline::capture(capture::FrameSource& source, std::stop_token stop) {
   for (;;) {
     Stopwatch watch;
     const capture::Duration waited_before = source.waited();
+    const std::uint64_t jumps_before = source.jumps();
     auto frame = source.next(stop);
     StageTime lap = watch.lap();
     lap.wall -= source.waited() - waited_before;
@@ -263,6 +264,10 @@ void Pipeline::capture(capture::FrameSource& source, std::stop_token stop) {
     }
     if (!frame) break;
     mine.at(std::size_t(frame->camera)) = true;
+    if (source.jumps() != jumps_before) {
+      const std::scoped_lock lock(replacements_mutex_);
+      jumps_.push_back(frame->captured_at);
+    }
     if (pace_) {
       if (!sleep_until(pace_->start + (frame->captured_at - pace_->first), stop)) break;
     }
@@ -383,6 +388,7 @@ void Pipeline::track() {
 
 void Pipeline::update(ReadySet ready, TrackingTeam& team, std::vector<object_tracking::ObjectEstimate>& estimates) {
   const bool has_new_trackers = take_replacements(ready.set.at);
+  begin_anew_after_jumps(ready.set.at);
   // Object tracking uses still cameras only.
   std::optional<capture::FrameSet> of_still_cameras;
   if (tracked_camera_ >= 0) {
@@ -486,6 +492,16 @@ bool Pipeline::take_replacements(capture::Timestamp at) {
     is_any = true;
   }
   return is_any;
+}
+
+void Pipeline::begin_anew_after_jumps(capture::Timestamp at) {
+  bool has_jumped = false;
+  {
+    const std::scoped_lock lock(replacements_mutex_);
+    for (; !jumps_.empty() && jumps_.front() <= at; jumps_.pop_front()) has_jumped = true;
+  }
+  if (!has_jumped) return;
+  for (auto& tracker : trackers_) tracker.begin_anew();
 }
 
 void Pipeline::track_camera(int camera, std::unique_ptr<camera_tracking::CameraTracker> tracker) {

@@ -125,6 +125,7 @@ class Pipeline {
   void update_searches();
   void set_ended(std::size_t camera, bool has_ended);  // figures_mutex_ is held
   bool take_replacements(capture::Timestamp at);       // returns whether there were any
+  void begin_anew_after_jumps(capture::Timestamp at);
   void watch(const capture::FrameSet& set, bool has_new_trackers);
   void trust_cameras();
   void watch_mistakes(const capture::FrameSet& set, std::span<const object_tracking::ObjectEstimate> estimates);
@@ -161,6 +162,7 @@ class Pipeline {
 
   std::mutex replacements_mutex_;
   std::deque<Replacement> replacements_;  // guarded by replacements_mutex_
+  std::deque<capture::Timestamp> jumps_;  // guarded by replacements_mutex_: first capture times after a source's jump
   std::vector<std::string> reloaded_;     // the tracking thread's: TrackedSet::reloaded
 
   mutable std::mutex figures_mutex_;  // never held while waiting

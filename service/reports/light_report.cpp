@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <iterator>
 
+#include "capture/network_source.h"
 #include "pipeline/without_numbers.h"
 #include "reports/light_words.h"
 
@@ -20,12 +21,16 @@ constexpr std::uint64_t update_sets = 30;  // sets between two updates of the fi
 LightReport::LightReport(const config::ServiceConfig& config, bool is_recorded)
     : cameras_(config.rig.camera_names()),
       is_recorded_(is_recorded),
+      has_controls_(cameras_.size(), true),
       watches_(cameras_.size()),
       logged_(cameras_.size()),
       briefs_(cameras_.size()),
       colors_(config.targets.size()),
       targets_(config.targets),
       camera_warnings_(cameras_.size()) {
+  for (const config::LiveCameraConfig& camera : config.cameras)
+    if (const auto index = config.rig.index_of(camera.name))
+      has_controls_[std::size_t(*index)] = !capture::is_network_address(camera.device.native());
   for (TargetColors& colors : colors_) colors.warnings.resize(cameras_.size()), colors.followed.resize(cameras_.size());
 }
 
@@ -34,7 +39,7 @@ void LightReport::on_frame(const capture::Frame& frame, capture::Timestamp /*rec
   const auto c = std::size_t(frame.camera);
   if (!watches_[c].is_wanted(frame.captured_at) || !watches_[c].look(frame.pixels, frame.captured_at)) return;
   std::vector<std::string> warnings;
-  for (const Remark& remark : light_remarks(watches_[c].findings())) {
+  for (const Remark& remark : light_remarks(watches_[c].findings(), has_controls_[c])) {
     warnings.push_back(fmt::format("camera {}: {}: {}{}", cameras_[c], remark.what,
                                    is_recorded_ ? "for the next recording, set " : "set ", remark.advice));
     if (std::ranges::find(briefs_[c], remark.brief) == briefs_[c].end()) briefs_[c].push_back(remark.brief);

@@ -50,6 +50,7 @@ class LightReport final : public pipeline::Output {
 
   const std::vector<std::string> cameras_;
   const bool is_recorded_;
+  std::vector<bool> has_controls_;                // per camera; false: the camera has its own program for them
   std::vector<capture::LightWatch> watches_;      // the capture threads', one at a time
   std::vector<std::vector<std::string>> logged_;  // the capture threads'; per camera, all warnings so far
   std::vector<std::vector<std::string>> briefs_;  // the capture threads'; per camera, each once

@@ -14,6 +14,15 @@ using object_trackers::ColorAxis;
 using object_trackers::ColorHealth;
 using object_trackers::NearEnd;
 
+std::string flicker_advice(bool is_50_hz, bool has_controls) {
+  const std::string mains = is_50_hz ? "50 Hz" : "60 Hz";
+  if (!has_controls)
+    return "its mains frequency to " + mains + ", or the exposure to " +
+           (is_50_hz ? "10, 20 or 30" : "8.3, 16.7 or 25") + " ms, in the camera's own program";
+  return "controls: {power_line_frequency: " + mains + "}, or exposure_time_absolute: " +
+         (is_50_hz ? "100, 200 or 300 (10, 20, 30 ms)" : "83, 167 or 250 (8.3, 16.7, 25 ms)");
+}
+
 // left: distance from the object's median to the end of its range.
 std::string margin_text(double left, const std::string& amount) {
   return amount + (left > 0 ? " before the end of its range" : " beyond its range");
@@ -39,31 +48,30 @@ std::string movement(const NearEnd& end, const ColorHealth& health) {
 
 }  // namespace
 
-std::vector<Remark> light_remarks(const capture::LightFindings& findings) {
+std::vector<Remark> light_remarks(const capture::LightFindings& findings, bool has_controls) {
   std::vector<Remark> remarks;
   if (findings.flicker) {
     const bool is_50_hz = findings.flicker->light_hz < 110;
-    remarks.push_back(
-        {fmt::format("the light flickers at {:.0f} Hz, in bands of {:.1f} % of the brightness",
-                     findings.flicker->light_hz, 100 * findings.flicker->modulation),
-         is_50_hz
-             ? "controls: {power_line_frequency: 50 Hz}, or exposure_time_absolute: 100, 200 or 300 (10, 20, 30 ms)"
-             : "controls: {power_line_frequency: 60 Hz}, or exposure_time_absolute: 83, 167 or 250 (8.3, 16.7, 25 "
-               "ms)",
-         fmt::format("flicker at {:.0f} Hz", findings.flicker->light_hz)});
+    remarks.push_back({fmt::format("the light flickers at {:.0f} Hz, in bands of {:.1f} % of the brightness",
+                                   findings.flicker->light_hz, 100 * findings.flicker->modulation),
+                       flicker_advice(is_50_hz, has_controls),
+                       fmt::format("flicker at {:.0f} Hz", findings.flicker->light_hz)});
   }
   if (findings.exposure_change)
     remarks.push_back({fmt::format("the whole picture becomes {:.0f} % brighter or darker within seconds: automatic "
                                    "exposure is on, or the light changes",
                                    100 * *findings.exposure_change),
-                       "controls: {auto_exposure: 1, exposure_time_absolute: 100, gain: ...} (1: manual), and "
-                       "exposure_dynamic_framerate: 0",
+                       has_controls
+                           ? "controls: {auto_exposure: 1, exposure_time_absolute: 100, gain: ...} (1: manual), and "
+                             "exposure_dynamic_framerate: 0"
+                           : "exposure and gain to manual in the camera's own program",
                        "automatic exposure or changing light"});
   if (findings.balance_change)
     remarks.push_back({fmt::format("all colours of the picture shift, by {:.0f} % of red or blue within seconds: "
                                    "automatic white balance is on, or the light changes",
                                    100 * *findings.balance_change),
-                       "controls: {white_balance_automatic: 0, white_balance_temperature: 4600}",
+                       has_controls ? "controls: {white_balance_automatic: 0, white_balance_temperature: 4600}"
+                                    : "white balance to manual in the camera's own program",
                        "automatic white balance or changing light"});
   return remarks;
 }

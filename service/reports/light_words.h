@@ -14,8 +14,9 @@ struct Remark {
   std::string advice;  // what to set
   std::string brief;   // "flicker at 100 Hz"; equal for all cameras that have it
 };
-// About one camera's pictures; empty if they are steady.
-std::vector<Remark> light_remarks(const capture::LightFindings& findings);
+// About one camera's pictures; empty if they are steady. has_controls: `controls` of the configuration are for this
+// camera; otherwise the advice is about the camera's own program, as for a network camera.
+std::vector<Remark> light_remarks(const capture::LightFindings& findings, bool has_controls = true);
 
 // "ball in cam1: the colour has moved by 12 degrees since it was taught; ..."; empty if the colour is well inside its
 // range. is_recorded: advice about camera controls is left out.

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <numbers>
+#include <ranges>
 
 #include "reports/calibration_words.h"
 
@@ -85,15 +86,24 @@ void RigReport::on_set(const pipeline::TrackedSet& set) {
   }
   if (!has_news) return;
   next_at_ = at + figures_pause;
-  for (Event& h : events_) {
-    const pipeline::CameraCalibration& facts = set.calibration[h.camera];
-    if (facts.room.state == h.state && facts.room.turns == h.turns) h.facts = facts;
-  }
+  update_latest_events(set.calibration);
   const std::scoped_lock lock(mutex_);
   std::ranges::copy(set.calibration, facts_.begin());
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
     const bool is_current = reported_[c].state == facts_[c].room.state && reported_[c].turns == facts_[c].room.turns;
     warnings_[c] = is_current ? calibration_warning(cameras_[c], facts_[c], mode_) : std::string();
+  }
+}
+
+// A camera's earlier events are over, and so is the latest one if the current state began after its report.
+void RigReport::update_latest_events(std::span<const pipeline::CameraCalibration> calibration) {
+  std::vector<bool> is_done(cameras_.size(), false);
+  for (Event& h : std::views::reverse(events_)) {
+    if (is_done[h.camera]) continue;
+    is_done[h.camera] = true;
+    const pipeline::CameraCalibration& facts = calibration[h.camera];
+    if (facts.room.state == h.state && facts.room.turns == h.turns && facts.room.since <= h.reported_at)
+      h.facts = facts;
   }
 }
 

@@ -4,6 +4,7 @@
 
 #include <mutex>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -48,6 +49,7 @@ class RigReport final : public pipeline::Output {
     std::optional<capture::Timestamp> pending_since = {};  // a new state was seen then and is not reported yet
   };
   bool is_news(std::size_t camera, const pipeline::CameraCalibration& facts, capture::Timestamp at);
+  void update_latest_events(std::span<const pipeline::CameraCalibration> calibration);
 
   const std::vector<std::string> cameras_;
   const config::CalibrationMode mode_;

@@ -56,6 +56,19 @@ std::string seldom_advice(double tracked_share, const object_tracking::TargetOpt
                      100 * tracked_share, color::hue_text(target.color), opencv);
 }
 
+std::string unsure_advice(double unsure_share, const object_tracking::TargetOptions& target) {
+  // A ball that two cameras see is known to a part of its radius: less than 5 % of the sets of the recordings with a
+  // right colour are above it, and 97 % of those with another object's.
+  constexpr double usual = 0.5;
+  const std::string opencv = color::opencv_hue_text(target.color);
+  if (unsure_share <= usual || opencv.empty()) return {};
+  return fmt::format(
+      "its sigma was above its radius, {:g} mm, in {:.0f} % of the sets in which it was tracked, so it may be "
+      "something "
+      "else; {}; {}",
+      1e3 * target.radius_m, 100 * unsure_share, color::hue_text(target.color), opencv);
+}
+
 std::string late_advice(const objects::SearchFindings& findings, const object_tracking::TargetOptions& target,
                         bool do_views_contradict) {
   if (do_views_contradict) return "";

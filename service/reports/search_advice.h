@@ -15,6 +15,8 @@ std::string search_advice(const objects::SearchFindings& findings, const object_
 // Of a target that was tracked in this share of the sets, 0..1; empty where that is not seldom, or its hue cannot be
 // OpenCV's.
 std::string seldom_advice(double tracked_share, const object_tracking::TargetOptions& target);
+// Of a target that was tracked with a sigma above its radius in this share of those sets, 0..1; empty as above.
+std::string unsure_advice(double unsure_share, const object_tracking::TargetOptions& target);
 // Of a target that was found, but late; empty where there is no evidence why.
 std::string late_advice(const objects::SearchFindings& findings, const object_tracking::TargetOptions& target,
                         bool do_views_contradict);

@@ -11,6 +11,7 @@
 
 #include "calib/files/config_error.h"
 #include "calib/model/rig_yaml.h"
+#include "config/view_volume.h"
 
 namespace huetrack::config {
 namespace {
@@ -465,6 +466,52 @@ TEST_F(ServiceConfigFile, ADefaultVolumeOutOfSightIsNamedByItsWholeKey) {
   for (auto& camera : far.cameras) camera.cam_from_world.translation += Eigen::Vector3d(0, 0, -100);  // all behind it
   calib::write_rig(far, folder_ / "rig.yaml");
   EXPECT_THAT(error(ball), HasSubstr("c.yaml:1: object_tracking.volume: no camera of the rig sees any of it"));
+}
+
+// What one camera sees is not at 0 to 2 m of any axis: its world may begin at the camera.
+TEST_F(ServiceConfigFile, OneCameraSearchesWhatItSees) {
+  calib::CameraRig rig = calib::read_rig(folder_ / "rig.yaml");
+  const calib::Camera camera = rig.cameras.front();
+  rig.cameras.resize(1);
+  rig.uncertainty.reset();
+  calib::write_rig(rig, folder_ / "one.yaml");
+  const std::string one = "version: 1\nrig: one.yaml\ntargets: {ball: {radius_m: 0.04, color: {hue_deg: [65, 115]}}}\n";
+  const object_tracking::Volume volume = load(one).object_tracking.volume;
+  // A ball at every corner of the picture is inside, up to where its radius is 2 pixels.
+  const double far_m = 0.04 * camera.model.fx() / 2;
+  ASSERT_LT(far_m, 10);
+  const double right = camera.image_size.width - 1, bottom = camera.image_size.height - 1;
+  for (const Eigen::Vector2d& corner : {Eigen::Vector2d(0, 0), {right, 0}, {0, bottom}, {right, bottom}}) {
+    const Eigen::Vector3d direction =
+        camera.cam_from_world.rotation.conjugate() * camera.model.ray({corner})->normalized();
+    for (const double depth_m : {0.21, 0.99 * far_m}) {
+      const Eigen::Vector3d p = camera.centre() + depth_m * direction;
+      EXPECT_TRUE((p.array() >= volume.min.array()).all() && (p.array() <= volume.max.array()).all()) << p.transpose();
+    }
+    EXPECT_TRUE(meets_volume(camera, corner, volume));
+  }
+  EXPECT_LT((volume.max - volume.min).norm(), 3 * far_m);
+  EXPECT_LE(load("version: 1\nrig: one.yaml\ntargets: {ball: {radius_m: 2}}\n").object_tracking.volume.max.norm(),
+            camera.centre().norm() + std::sqrt(3) * 10.1);
+  const ServiceConfig said = load(one + "object_tracking: {volume: {min: [-1, -1, 0], max: [1, 1, 1.5]}}\n");
+  EXPECT_EQ(said.object_tracking.volume.max, Eigen::Vector3d(1, 1, 1.5));
+  EXPECT_EQ(load(ball).object_tracking.volume.max, object_tracking::Volume().max) << "several cameras";
+}
+
+TEST(MeetsVolume, OnlyBeforeTheCameraAndInItsDirection) {
+  calib::Camera camera;  // at the origin, along z
+  camera.image_size = {640, 480};
+  camera.model = calib::CameraModel(calib::PinholeRadtan{.fx = 500, .fy = 500, .cx = 320, .cy = 240});
+  const object_tracking::Volume ahead{.min = {-0.5, -0.5, 1}, .max = {0.5, 0.5, 2}},
+      behind{.min = {-0.5, -0.5, -2}, .max = {0.5, 0.5, -1}}, around{.min = {-1, -1, -1}, .max = {1, 1, 1}};
+  EXPECT_TRUE(meets_volume(camera, {320, 240}, ahead));
+  EXPECT_FALSE(meets_volume(camera, {320, 240}, behind));
+  EXPECT_TRUE(meets_volume(camera, {0, 0}, around));
+  const object_tracking::Volume above{.min = {-1, -2, 0}, .max = {1, 0.01, 2}};  // y is down
+  EXPECT_TRUE(meets_volume(camera, {320, 40}, above));
+  EXPECT_FALSE(meets_volume(camera, {320, 440}, above)) << "only the camera itself is inside";
+  EXPECT_TRUE(meets_volume(camera, {320 + 240, 240}, ahead));   // 0.48 m aside where it begins
+  EXPECT_FALSE(meets_volume(camera, {320 + 260, 240}, ahead));  // 0.52 m
 }
 
 TEST_F(ServiceConfigFile, EmptyRangesAreRefused) {

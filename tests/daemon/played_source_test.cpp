@@ -50,6 +50,7 @@ class Played : public Test {
         if (times.empty()) first_came = PlayClock::now();
         times.push_back(frame->captured_at);
         numbers.push_back(frame->sequence);
+        jumps.push_back(source->jumps());
       }
       has_ended = true;
     });
@@ -75,6 +76,7 @@ class Played : public Test {
   std::mutex mutex;
   std::vector<capture::Timestamp> times;  // guarded by mutex, as the following
   std::vector<std::uint32_t> numbers;
+  std::vector<std::uint64_t> jumps;  // up to each frame
   PlayClock::time_point first_came;
   std::atomic<bool> has_ended = false;
   std::jthread reader;
@@ -173,6 +175,7 @@ TEST_F(Played, LoopsWithRisingTimesAndNumbers) {
   EXPECT_EQ(times[202] - times[200], 20ms);
   EXPECT_TRUE(std::ranges::is_sorted(times));
   for (std::size_t i = 0; i < 500; ++i) ASSERT_EQ(numbers[i], i / 2) << "a gap would count as lost frames";
+  for (std::size_t i = 0; i < 500; ++i) ASSERT_EQ(jumps[i], i / 200);
 }
 
 // Frames are tracked some time after their release; published times must not go back by the speed-up meanwhile.
@@ -236,6 +239,8 @@ TEST_F(Played, ShowsTheSetOfAPositionWhilePaused) {
   source->go_on();
   while (!has_ended) std::this_thread::sleep_for(1ms);
   EXPECT_EQ(times.size(), 3u + 100u);
+  EXPECT_EQ(jumps[2], 0u);
+  EXPECT_EQ(jumps[3], 1u);
 }
 
 TEST(Looping, ASourceWithoutAStepIsRefused) {

@@ -67,7 +67,10 @@ TEST_F(SetUp, OneCameraIsUsedWithoutACalibration) {
   EXPECT_NEAR(left->px.x(), -0.5, 1e-3);
   EXPECT_NEAR(left->px.y(), 239.5, 1e-6);
   EXPECT_LT(camera.project_world({2, 0, 0.5})->px.y(), 200) << "up is up";
-  EXPECT_GT(config.object_tracking.volume.min.x(), 0);
+  const object_tracking::Volume& volume = config.object_tracking.volume;
+  EXPECT_GT(volume.min.x(), 0);
+  EXPECT_LT(volume.min.z(), -1) << "it sees below the horizon";
+  EXPECT_GT(volume.max.z(), 1);
 }
 
 TEST_F(SetUp, AnUnknownLensIsInTheCovarianceOfPositions) {

@@ -399,6 +399,23 @@ TEST_F(EndToEnd, ARadiusOfTwiceTheSizeIsSaidWhereTheLockIsLate) {
   EXPECT_THAT(replayed("0.04"), Not(HasSubstr("  search  ")));
 }
 
+// By half the hue something else is tracked in half of the sets, some decimetres from where it is.
+TEST_F(EndToEnd, AHueInOpenCvUnitsIsSaidWhereItTracksSomethingElse) {
+  const fs::path webcams = fs::path(HUETRACK_SHARED_DATA) / "rendered/webcams";
+  if (!fs::exists(webcams)) GTEST_SKIP() << webcams << " is not there";
+  const auto replayed = [&](const std::string& hue_deg) {
+    const std::string file = write("version: 1\nrig: " + (webcams / "rig.yaml").string() +
+                                       "\ntargets: {ball: {radius_m: 0.04, color: {hue_deg: " + hue_deg +
+                                       ", saturation: [0.27, 1], intensity: [0.28, 0.83]}}}\n"
+                                       "object_tracking: {volume: {min: [-1, -1, 0.1], max: [1, 1, 2.1]}}\n",
+                                   "webcams.yaml");
+    return run({HUETRACKD, "replay", file, webcams.string(), "--no-dds"}).out;
+  };
+  EXPECT_THAT(replayed("[37, 54]"),
+              HasSubstr("if the numbers are from OpenCV, whose hue is 0 to 179, write [74, 108]"));
+  EXPECT_THAT(replayed("[74, 107]"), Not(HasSubstr("OpenCV")));
+}
+
 TEST_F(EndToEnd, ATargetWithoutAColorIsSaidToHaveNone) {
   const std::string untaught =
       write("version: 1\nrig: " + recording + "/rig.yaml\ntargets: {lime: {}}\n", "untaught.yaml");

@@ -352,15 +352,21 @@ TEST(Pipeline, RunRethrowsAnOutputsException) {
 // The frames of rendered sets, set by set.
 class RenderedSource final : public capture::FrameSource {
  public:
-  explicit RenderedSource(const std::vector<capture::FrameSet>& sets) {
+  // jump: the first set after one.
+  explicit RenderedSource(const std::vector<capture::FrameSet>& sets, std::optional<std::size_t> jump = {})
+      : jump_at_(jump ? std::optional(sets.at(*jump).at) : std::nullopt) {
     for (const capture::FrameSet& set : sets)
       for (const auto& frame : set.frames) frames_.push_back(frame.value());
   }
   std::optional<capture::Frame> next(std::stop_token) override {
     return next_ == frames_.size() ? std::nullopt : std::optional(frames_[next_++]);
   }
+  std::uint64_t jumps() const override {
+    return next_ > 0 && jump_at_ && frames_[next_ - 1].captured_at >= *jump_at_ ? 1 : 0;
+  }
 
  private:
+  const std::optional<capture::Timestamp> jump_at_;
   std::vector<capture::Frame> frames_;
   std::size_t next_ = 0;
 };
@@ -395,6 +401,41 @@ TEST(Pipeline, AReplacedTrackersObjectsEndAndTheirNumbersAreNotReused) {
   pipeline.run({});
   EXPECT_THAT(births, ElementsAre(1, 2));
   EXPECT_THAT(ends, ElementsAre(1));
+}
+
+// After a jump the published position must not be that from before it.
+TEST(Pipeline, ObjectsAreSearchedAnewAfterAJump) {
+  scene::SceneBuilder builder;
+  builder.cameras_on_ring({.count = 3});
+  builder.ball({.path = [](double t) { return Eigen::Vector3d(t < 0.15 ? 0.2 : -0.2, 0, 1.0); }});
+  const scene::Scene scene = builder.build();
+  const std::vector<capture::FrameSet> sets = render(scene, {.set_count = 12});
+  std::size_t first_after = 0;
+  while (capture::seconds(sets[first_after].at - sets[0].at) < 0.15) ++first_after;
+  ASSERT_GT(first_after, 3u);
+  ASSERT_LT(first_after, 9u);
+  for (const int count : {1, 2}) {
+    object_tracking::TargetOptions lime;
+    lime.name = "lime";
+    lime.count = count;
+    lime.color.hue_min_deg = 65, lime.color.hue_max_deg = 115;
+    std::vector<object_trackers::ObjectTracker> trackers;
+    trackers.emplace_back(scene.rig, lime, object_tracking::ObjectTrackerOptions{});
+    std::vector<object_tracking::ObjectEstimate> published;
+    PipelineTo pipeline(
+        scene.rig, sources(RenderedSource(sets, first_after)), std::move(trackers), options_for(scene.rig),
+        {.estimates = [&](const capture::FrameSet&, std::span<const object_tracking::ObjectEstimate> estimates,
+                          capture::Timestamp) { published.push_back(estimates.front()); }});
+    pipeline.run({});
+    ASSERT_EQ(published.size(), sets.size());
+    EXPECT_TRUE(published[first_after - 1].has_position()) << count;
+    EXPECT_FALSE(published[first_after].has_position()) << count;
+    EXPECT_EQ(published[first_after].state,
+              count > 1 ? object_tracking::TrackState::lost : object_tracking::TrackState::searching);
+    EXPECT_EQ(published[first_after].is_end, count > 1);
+    ASSERT_TRUE(published.back().has_position()) << count;
+    EXPECT_NEAR(published.back().position.x(), -0.2, 0.03) << count;
+  }
 }
 
 TEST(Pipeline, LiveDropsTheOldestSetsAndCountsThem) {

@@ -7,13 +7,18 @@
 #include <cmath>
 
 #include "capture/frames/pixel_format.h"
+#include "reports/light_words.h"
 
 namespace huetrack::reports {
 namespace {
 
+using testing::AllOf;
 using testing::ElementsAre;
+using testing::EndsWith;
 using testing::HasSubstr;
 using testing::IsEmpty;
+using testing::Not;
+using testing::StartsWith;
 
 // A picture whose brightness swings slowly, as by an automatic exposure.
 void show(LightReport& report) {
@@ -40,6 +45,40 @@ TEST(LightReport, WarnsOnlyWhereACameraCanBeAdjusted) {
   EXPECT_THAT(recorded.warnings(), IsEmpty());
   EXPECT_EQ(recorded.summary(), live.summary());
   EXPECT_THAT(recorded.summary(), ElementsAre(HasSubstr("automatic exposure or changing light in left")));
+}
+
+// The configuration refuses `controls` for a network camera.
+TEST(LightReport, ANetworkCameraIsSetInItsOwnProgram) {
+  config::ServiceConfig config;
+  config.rig.cameras.resize(1);
+  config.rig.cameras[0].name = "left";
+  config.cameras.resize(1);
+  config.cameras[0].name = "left";
+  config.cameras[0].device = "/dev/video0";
+  LightReport local(config, false);
+  config.cameras[0].device = "http://127.0.0.1:8740/";
+  LightReport network(config, false);
+  show(local);
+  show(network);
+  EXPECT_THAT(local.warnings(), ElementsAre(HasSubstr("set controls: {auto_exposure: 1")));
+  EXPECT_THAT(network.warnings(), ElementsAre(AllOf(HasSubstr("set exposure and gain to manual in the camera's own"),
+                                                    Not(HasSubstr("controls:")))));
+}
+
+TEST(LightReport, EveryAdviceIsForTheKindOfCamera) {
+  for (const double hz : {100.0, 120.0}) {
+    capture::LightFindings findings;
+    findings.flicker = {.light_hz = hz, .modulation = 0.1};
+    findings.exposure_change = findings.balance_change = 0.2;
+    const std::vector<Remark> local = light_remarks(findings), network = light_remarks(findings, false);
+    ASSERT_EQ(local.size(), 3u);
+    ASSERT_EQ(network.size(), 3u);
+    for (std::size_t i = 0; i < 3; ++i) {
+      EXPECT_THAT(local[i].advice, StartsWith("controls: {"));
+      EXPECT_THAT(network[i].advice, EndsWith("in the camera's own program"));
+      EXPECT_EQ(local[i].brief, network[i].brief);
+    }
+  }
 }
 
 }  // namespace

@@ -23,10 +23,11 @@ config::ServiceConfig watched_cameras() {
 
 constexpr double sigma_m = 0.003;
 
-// Sets of three seconds in which the second camera is in this state.
-void take(RigReport& report, const config::ServiceConfig& config, RoomState state) {
+// Sets of three seconds, from from_ms on, in which the second camera is in this state.
+void take(RigReport& report, const config::ServiceConfig& config, RoomState state, int from_ms = 0) {
   std::vector<pipeline::CameraCalibration> facts(2);
   facts[1].room.state = state;
+  facts[1].room.since = capture::Timestamp(std::chrono::milliseconds(from_ms));
   if (state == RoomState::defocused) facts[1].room.blur_px = 2.1;
   if (state == RoomState::changed) facts[1].room.change = {.patches = 5, .share = 0.12, .middle = {0.2, 0.5}};
   if (state == RoomState::knocked) {
@@ -41,7 +42,7 @@ void take(RigReport& report, const config::ServiceConfig& config, RoomState stat
   }
   for (int k = 0; k < 90; ++k) {
     capture::FrameSet frames;
-    frames.at = capture::Timestamp(std::chrono::milliseconds(33 * (k + 1)));
+    frames.at = capture::Timestamp(std::chrono::milliseconds(from_ms + 33 * (k + 1)));
     report.on_set({.frames = frames, .estimates = {}, .received_at = {}, .trackers = {}, .calibration = facts});
   }
 }
@@ -65,6 +66,19 @@ TEST(RigReport, ABlindCameraIsTrouble) {
     EXPECT_TRUE(report.has_had_trouble()) << room_watch::name(state);
     EXPECT_THAT(report.summary(), SizeIs(1));
   }
+}
+
+// An event's report must not get the times of a later event of the same kind.
+TEST(RigReport, EachEventKeepsItsOwnTime) {
+  const config::ServiceConfig config = watched_cameras();
+  RigReport report(config);
+  take(report, config, RoomState::hidden, 1000);
+  take(report, config, RoomState::still, 4000);
+  take(report, config, RoomState::hidden, 7000);
+  take(report, config, RoomState::moving, 10000);
+  take(report, config, RoomState::hidden, 13000);
+  EXPECT_THAT(report.summary(), ElementsAre(AllOf(HasSubstr("reported at 1.03 s"), HasSubstr("since 1.00 s")),
+                                            AllOf(HasSubstr("reported at 7.03 s"), HasSubstr("since 7.00 s"))));
 }
 
 TEST(RigReport, AFocusChangeIsReportedOnceWithItsBlurAndIsTrouble) {

@@ -67,6 +67,16 @@ TEST(SeldomAdvice, NamesTheColorThatTheHueMeans) {
   EXPECT_EQ(seldom_advice(0.16, blue), "");
 }
 
+TEST(UnsureAdvice, NamesTheOpenCvRangeOfAnObjectThatIsNoBallOfThisRadius) {
+  EXPECT_EQ(unsure_advice(0.05, target_of(0.04)), "");
+  EXPECT_THAT(unsure_advice(0.97, target_of(0.04)),
+              AllOf(HasSubstr("its sigma was above its radius, 40 mm, in 97 % of the sets"),
+                    HasSubstr("hue_deg [10, 22] is"), HasSubstr("write [20, 44]")));
+  object_tracking::TargetOptions blue = target_of(0.04);
+  blue.color.hue_min_deg = 210, blue.color.hue_max_deg = 250;
+  EXPECT_EQ(unsure_advice(0.97, blue), "");
+}
+
 TEST(LateAdvice, StatesTheRadiusThatTheSearchSaw) {
   objects::SearchFindings findings;
   EXPECT_EQ(late_advice(findings, target_of(0.04), false), "");

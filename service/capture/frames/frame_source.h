@@ -1,6 +1,7 @@
 // The common interface of live, recorded and simulated cameras.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <stop_token>
 
@@ -16,6 +17,9 @@ class FrameSource {
   virtual bool ended(int /*camera*/) const { return false; }    // this camera has no more frames; others may have
   // Time spent in next() so far only waiting until a frame was due.
   virtual Duration waited() const { return Duration{0}; }
+  // How often the stream has jumped to another moment, up to the last frame returned: its capture times rise, but what
+  // it shows does not continue the frames before.
+  virtual std::uint64_t jumps() const { return 0; }
 };
 
 }  // namespace huetrack::capture

@@ -386,6 +386,16 @@ void ManyTracker::correct_times(std::span<const double> late_s) {
   consistency_.forget();
 }
 
+void ManyTracker::begin_anew() {
+  for (const auto& object : objects_) {
+    times_.adopt_times(object->filter);
+    if (object->is_published) ended_.push_back(object->number);
+  }
+  objects_.clear();
+  births_.forget();
+  number_before_ = last_number_;
+}
+
 // Subscribers know objects by their numbers alone, so a number ends with its tracker and is not used again.
 void ManyTracker::take_over_from(const ManyTracker& before) {
   number_before_ = last_number_ = before.last_number_;

@@ -44,6 +44,7 @@ class ManyTracker {
   void learn();
   void trust(std::span<const object_tracking::CameraTrust> cameras);
   void correct_times(std::span<const double> late_s);
+  void begin_anew();
   void take_over_from(const ManyTracker& before);
   object_tracking::TargetViews& views() { return views_; }
   const object_tracking::TargetViews& views() const { return views_; }
@@ -122,8 +123,8 @@ class ManyTracker {
   const Object* lead_ = nullptr;           // by which views are compared; an address only
   object_tracking::SeenRegions seen_regions_;
   std::uint32_t last_number_ = 0;
-  std::uint32_t number_before_ = 0;   // last_number_ when this one took over
-  std::vector<std::uint32_t> ended_;  // numbers of the tracker before whose end is not published yet
+  std::uint32_t number_before_ = 0;   // last_number_ when this one took over, or began anew
+  std::vector<std::uint32_t> ended_;  // numbers from before that, whose end is not published yet
   std::uint64_t started_ = 0;
   std::size_t sets_apart_ = 0;
   capture::Timestamp last_at_{};

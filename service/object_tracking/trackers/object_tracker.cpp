@@ -117,6 +117,11 @@ void ObjectTracker::correct_times(std::span<const double> late_s) {
     many->correct_times(late_s);
 }
 
+void ObjectTracker::begin_anew() {
+  learn();
+  std::visit([](auto& tracker) { tracker.begin_anew(); }, impl_->tracker);
+}
+
 void ObjectTracker::take_over_from(const ObjectTracker& before) {
   auto* many = std::get_if<ManyTracker>(&impl_->tracker);
   const auto* many_before = std::get_if<ManyTracker>(&before.impl_->tracker);

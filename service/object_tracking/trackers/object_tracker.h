@@ -50,6 +50,10 @@ class ObjectTracker {
   // goes on with the uncertainty that this leaves. No effect with observation: paper, and with timing: fixed.
   void correct_times(std::span<const double> late_s);
 
+  // The next set does not continue the last one, as after a recording's jump: the objects' tracks end, and their
+  // positions are unknown. What was learnt of timing, colours and room stays.
+  void begin_anew();
+
   // Before the first update(): continues the numbering of `before`, whose objects end with the next update().
   void take_over_from(const ObjectTracker& before);
 

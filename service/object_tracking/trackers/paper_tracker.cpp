@@ -51,6 +51,12 @@ PaperTracker::PaperTracker(const calib::CameraRig& rig, const TargetOptions& tar
   scatter(0);  // section 3: uniform in the volume
 }
 
+void PaperTracker::begin_anew() {
+  state_ = TrackState::searching;
+  seen_ = false;
+  scatter(0);
+}
+
 // Uniform in the volume, from particle `from` on.
 void PaperTracker::scatter(std::size_t from) {
   noise_.resize(3 * (particles_.size() - from));

@@ -55,6 +55,7 @@ class PaperTracker {
 
   object_tracking::ObjectEstimate update(const capture::FrameSet& set);
   void trust(std::span<const object_tracking::CameraTrust> cameras) { views_.trust(cameras); }
+  void begin_anew();
   object_tracking::TargetViews& views() { return views_; }
   const object_tracking::TargetViews& views() const { return views_; }
   const PositionParticles& particles() const { return particles_; }

@@ -122,6 +122,13 @@ void RegionTracker::correct_times(std::span<const double> late_s) {
   consistency_.forget();
 }
 
+void RegionTracker::begin_anew() {
+  forget();
+  state_ = published_ = TrackState::searching;
+  was_tracked_ = is_kept_ = false;
+  finds_out_of_reach_ = 0;
+}
+
 // Returns the power density for this set. That of a bounce is not learnt: the motion after it is as calm as before.
 double RegionTracker::learn_acceleration(const capture::FrameSet& set, const std::vector<TargetView>& views) {
   const double before = filter_.acceleration();

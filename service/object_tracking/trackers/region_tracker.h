@@ -51,6 +51,7 @@ class RegionTracker {
   void learn();
   void trust(std::span<const object_tracking::CameraTrust> cameras);
   void correct_times(std::span<const double> late_s);
+  void begin_anew();
   object_tracking::TargetViews& views() { return views_; }
   const object_tracking::TargetViews& views() const { return views_; }
   const PositionParticles& particles() const { return filter_.particles(); }
