@@ -52,7 +52,7 @@ void invert_poses(std::vector<calib::Camera>& cameras) {
 // Where the cameras are, for a person to recognise a wrong unit and inverted poses: world_from_cam where cam_from_world
 // is expected, the commonest mistake. Neither can be known from the poses alone, since the world's origin may be
 // anywhere.
-std::string placement_note(const std::vector<calib::Camera>& cameras, bool is_inverted) {
+void check_placement(const std::vector<calib::Camera>& cameras, bool is_inverted, Imported& out) {
   const Middle as_it_is = middle_of(cameras);
   std::string note = fmt::format("the cameras are up to {:.3f} m apart", as_it_is.widest);
   if (as_it_is.is_in_all_pictures) note += fmt::format(" and look at a place {:.2f} m away", as_it_is.distance);
@@ -61,13 +61,17 @@ std::string placement_note(const std::vector<calib::Camera>& cameras, bool is_in
   invert_poses(inverted);
   const Middle other = middle_of(inverted);
   // With inverted poses, cameras around a place seem to be near one point.
-  if (!other.is_in_all_pictures || other.widest <= as_it_is.widest || is_inverted) return note;
-  const std::string what = fmt::format(
-      "the poses inverted (world_from_cam; --inverted-poses), they are up to {:.3f} m apart "
-      "and look at a place {:.2f} m away",
-      other.widest, other.distance);
-  if (as_it_is.is_in_all_pictures) return note + "; with " + what;
-  return note + ". They do not look at one place; with " + what + ": the file is probably of that kind";
+  const bool may_be_inverted = other.is_in_all_pictures && other.widest > as_it_is.widest && !is_inverted;
+  if (may_be_inverted) {
+    const std::string what = fmt::format(
+        "the poses inverted (world_from_cam; --inverted-poses), they are up to {:.3f} m apart "
+        "and look at a place {:.2f} m away",
+        other.widest, other.distance);
+    out.is_doubtful = !as_it_is.is_in_all_pictures;
+    note += out.is_doubtful ? ". They do not look at one place; with " + what + ": the file is probably of that kind"
+                            : "; with " + what;
+  }
+  out.notes.push_back(std::move(note));
 }
 
 }  // namespace
@@ -87,7 +91,7 @@ Imported import_rig(std::span<const std::filesystem::path> files, const ImportOp
         file, 0,
         fmt::format("the cameras are up to {:.0f} m apart: if the file is in millimetres, give --unit mm", widest));
   }
-  if (out.rig.cameras.size() > 1) out.notes.push_back(placement_note(out.rig.cameras, options.inverts_poses));
+  if (out.rig.cameras.size() > 1) check_placement(out.rig.cameras, options.inverts_poses, out);
   require_valid(out.rig, file);
   return out;
 }

@@ -54,6 +54,7 @@ struct ImportOptions {
 struct Imported {
   calib::CameraRig rig;
   std::vector<std::string> notes;  // ignored content and other remarks, one line each
+  bool is_doubtful = false;        // the poses are probably inverted; a note says so
 };
 
 // files: one, or those that belong together (intrinsics and extrinsics, or one per camera). The tool is recognised by

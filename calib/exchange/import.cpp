@@ -316,6 +316,8 @@ std::optional<calib::Rigid3d> named_matrix_pose(const Section& section) {
   if (const auto key = section.first_of(world_from_cam_words)) return calib::inverse(matrix_pose(section, *key));
   if (const auto key = section.first_of(cam_from_world_words); key && !section.map(*key))
     return matrix_pose(section, *key);
+  // T is the translation of others.
+  if (section.has("T") && !section.map("T") && section.numbers("T").size() >= 12) return matrix_pose(section, "T");
   return std::nullopt;
 }
 

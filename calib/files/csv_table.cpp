@@ -48,6 +48,17 @@ std::vector<std::string_view> split(std::string_view text, char separator) {
   }
 }
 
+// Index of the header of this name; of one in capitals, or small letters, only where none is written alike.
+std::optional<std::size_t> cell_of(std::span<const std::string_view> headers, std::string_view name) {
+  const auto index_if = [&](const auto& is_it) -> std::optional<std::size_t> {
+    const auto found = std::ranges::find_if(headers, is_it);
+    return found == headers.end() ? std::nullopt : std::optional(std::size_t(found - headers.begin()));
+  };
+  if (name == "@time") return index_if([](std::string_view header) { return time_unit_of(header).has_value(); });
+  if (const auto same = index_if([&](std::string_view header) { return header == name; })) return same;
+  return index_if([&](std::string_view header) { return to_lower_ascii(header) == to_lower_ascii(name); });
+}
+
 }  // namespace
 
 std::optional<std::size_t> time_unit_of(std::string_view header) {
@@ -71,12 +82,10 @@ CsvTable::CsvTable(std::filesystem::path file, std::span<const std::string_view>
     const std::vector<std::string_view> names = split(asked, '|');
     Column& column = columns_.emplace_back(Column{std::string(names.front()), {}});
     for (const std::string_view name : names) {
-      const auto cell = std::ranges::find_if(cells_, [&](std::string_view header) {
-        return name == "@time" ? time_unit_of(header).has_value() : header == name;
-      });
-      if (cell == cells_.end()) continue;
-      column.name = *cell;
-      column.cell = static_cast<std::size_t>(cell - cells_.begin());
+      const auto cell = cell_of(cells_, name);
+      if (!cell) continue;
+      column.name = cells_[*cell];
+      column.cell = cell;
       needed_cells_ = std::max(needed_cells_, *column.cell + 1);
       break;
     }

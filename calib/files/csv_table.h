@@ -1,8 +1,8 @@
 // Reader of CSV files with a header line; columns are found by name. Fields are numbers and plain words. As
 // spreadsheets and programs write them: separated by commas, semicolons, tabs or blanks (by the header); a number may
-// have a decimal comma, where commas do not separate or the field is in quotes; a header may begin with # (numpy) and
-// follow a line like sep=; (Excel). Empty lines, blanks around a field and a byte order mark are
-// ignored. Size limits: text_file.h.
+// have a decimal comma, where commas do not separate or the field is in quotes; a header may begin with # (numpy),
+// follow a line like sep=; (Excel) and have its names in capitals. Empty lines, blanks around a field and a byte order
+// mark are ignored. Size limits: text_file.h.
 #pragma once
 
 #include <array>

@@ -6,6 +6,7 @@
 #include <system_error>
 
 #include "calib/files/config_error.h"
+#include "calib/files/files_beside.h"
 
 namespace huetrack::files {
 namespace {
@@ -77,8 +78,12 @@ std::ifstream open_text_file(const std::filesystem::path& file) {
     throw ConfigError(file, 0, "is a device, a pipe or a socket, not a file");
   errno = 0;
   std::ifstream stream(file, std::ios::binary);
-  if (!stream)
-    throw ConfigError(file, 0, "cannot be read: " + std::generic_category().message(errno != 0 ? errno : EIO));
+  if (!stream) {
+    const int problem = errno != 0 ? errno : EIO;
+    throw ConfigError(
+        file, 0,
+        "cannot be read: " + std::generic_category().message(problem) + (problem == ENOENT ? files_beside(file) : ""));
+  }
   return stream;
 }
 

@@ -57,10 +57,38 @@ CameraModel read_model(const yaml::YamlReader& camera) {
   return CameraModel(lens_of<PinholeRadtan>(intrinsics, distortion));
 }
 
+Eigen::MatrixXd matrix_of(const std::vector<std::vector<double>>& rows) {
+  Eigen::MatrixXd m(rows.size(), rows.front().size());
+  for (std::size_t i = 0; i < rows.size(); ++i)
+    m.row(Eigen::Index(i)) = Eigen::Map<const Eigen::RowVectorXd>(rows[i].data(), m.cols());
+  return m;
+}
+
+// The mapping that a rig has for a 4x4 matrix, for an error message.
+std::string pose_text(const Eigen::Matrix4d& pose) {
+  std::vector<std::string> rows;
+  const auto add = [&](double a, double b, double c) {
+    rows.push_back(fmt::format("[{:.7g}, {:.7g}, {:.7g}]", a, b, c));
+  };
+  for (int i = 0; i < 3; ++i) add(pose(i, 0), pose(i, 1), pose(i, 2));
+  add(pose(0, 3), pose(1, 3), pose(2, 3));
+  return fmt::format("{{rotation: [{}, {}, {}], translation: {}}}", rows[0], rows[1], rows[2], rows[3]);
+}
+
+// Poses as programs hold them: 4x4, or of the other direction.
+void refuse_other_poses(const yaml::YamlReader& camera) {
+  if (camera.is_list("cam_from_world"))
+    camera.fail("cam_from_world", "is a matrix; write " + pose_text(matrix_of(camera.rows("cam_from_world", 4, 4))));
+  if (camera.has("cam_from_world") || !camera.has("world_from_cam")) return;
+  const std::string message = "a rig has the inverse pose, cam_from_world (p_cam = R p_world + t)";
+  if (!camera.is_list("world_from_cam")) camera.fail("world_from_cam", message);
+  const Eigen::Matrix4d pose = matrix_of(camera.rows("world_from_cam", 4, 4));
+  if (!pose.fullPivLu().isInvertible()) camera.fail("world_from_cam", message + ", and this matrix has no inverse");
+  camera.fail("world_from_cam", message + ": write cam_from_world: " + pose_text(pose.inverse()));
+}
+
 Eigen::Quaterniond read_rotation_matrix(const yaml::YamlReader& pose) {
-  const auto rows = pose.rows("rotation", 3, 3);
-  Eigen::Matrix3d m;
-  for (int i = 0; i < 3; ++i) m.row(i) = Eigen::Map<const Eigen::RowVector3d>(rows[static_cast<std::size_t>(i)].data());
+  const Eigen::Matrix3d m = matrix_of(pose.rows("rotation", 3, 3));
   if (const double off = (m * m.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
       !(off <= rotation_tolerance)) {
     pose.fail("rotation",
@@ -113,6 +141,7 @@ Camera read_camera(const std::string& name, const yaml::YamlReader& reader, bool
   camera.image_size = {static_cast<int>(size[0]), static_cast<int>(size[1])};
   camera.model = read_model(reader);
   // A single camera may have no pose: the world is then its own frame.
+  refuse_other_poses(reader);
   if (pose_required || reader.has("cam_from_world")) camera.cam_from_world = read_pose(reader.map("cam_from_world"));
   if (const auto timing = reader.optional_map("timing")) camera.timing = read_timing(*timing);
   reader.finish();

@@ -64,13 +64,23 @@ constexpr std::array<Unit, 16> units{{{"m", "_m", "metres", 1},
                                       {"m/s", "_m_s", "metres per second", 1},
                                       {"mb", "_mb", "megabytes", 1}}};
 
+// The units of a key: those of its suffix. A key without a suffix (square, marker, translation) has SI units, except
+// the lens parameters, which are in pixels.
+bool has_unit_of(std::string_view key, const Unit& unit) {
+  constexpr std::array<std::string_view, 4> lens_keys{"fx", "fy", "cx", "cy"};
+  if (key.ends_with(unit.key_suffix)) return true;
+  if (std::ranges::find(lens_keys, key) != lens_keys.end()) return false;
+  const bool is_si = unit.key_suffix == "_m" || unit.key_suffix == "_s" || unit.key_suffix == "_m_s";
+  return is_si && std::ranges::none_of(units, [&](const Unit& other) { return key.ends_with(other.key_suffix); });
+}
+
 std::string without_unit(std::string_view number, std::string_view unit, std::string_view key) {
   const auto value = parse_number(number);
   if (!value) return {};
   if (unit == "%") return fmt::format("write {:.6g}: a share, without the unit", *value / 100);
   const std::string small = files::to_lower_ascii(unit);
   for (const Unit& known : units)
-    if (known.written == small && key.ends_with(known.key_suffix))
+    if (known.written == small && has_unit_of(key, known))
       return fmt::format("write {:.6g}: {}, without the unit", *value * known.factor, known.name);
   const bool is_word = unit.front() != 'x' && std::ranges::all_of(unit, is_letter);  // 0x is not a unit
   return is_word ? fmt::format("write {}, the number alone", number) : std::string();

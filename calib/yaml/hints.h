@@ -14,7 +14,8 @@ namespace huetrack::yaml {
 // nullopt: the whole text is not a finite number.
 std::optional<double> parse_number(std::string_view text);
 
-// text: not a number. key: its suffix names the unit that is expected (radius_m), if any.
+// text: not a number. key: its suffix names the unit that is expected (radius_m); without one it is the SI unit
+// (square).
 enum class NumberKind : std::uint8_t { number, whole_number };
 std::string number_hint(std::string_view text, std::string_view key, NumberKind wanted = NumberKind::number);
 

@@ -327,7 +327,21 @@ struct YamlReader::Node {
       if (const std::string hint = absent_from->misspelt(absent_key); !hint.empty())
         throw ConfigError(file, line, path + " is missing" + hint);
     }
-    throw ConfigError(file, line, child(key) + " is missing" + misspelt(key));
+    const std::string hint = misspelt(key);
+    throw ConfigError(file, line, child(key) + " is missing" + (hint.empty() ? unrequested_keys() : hint));
+  }
+
+  // " (other keys here: hsv)": one of them may stand for the key that is missing. Whether they are known is only
+  // certain once every key was requested.
+  std::string unrequested_keys() const {
+    constexpr std::size_t most = 6;  // capacity: keys in a message
+    std::vector<std::string> shown;
+    for (const Entry& entry : entries) {
+      if (entry.is_removed || requested_keys.contains(entry.key)) continue;
+      shown.push_back(shown.size() < most ? printable(entry.key, longest_key) : "...");
+      if (shown.size() > most) break;
+    }
+    return shown.empty() ? "" : fmt::format(" (other keys here: {})", fmt::join(shown, ", "));
   }
 
   // " (is colour in line 3 a misspelling of it?)"; empty: no unrequested key is similar.

@@ -354,7 +354,7 @@ INSTANTIATE_TEST_SUITE_P(
                 "c.yaml:1: targets: at least one target is needed: targets: {ball: {color: {hue_deg: [65, 115]}}}, or "
                 "{ball: {}} to be taught; or a camera to track, under camera_tracking"},
         Mistake{"NoHue", head + "targets:\n  ball:\n    color: {saturation: [0.3, 1]}\n",
-                "c.yaml:5: targets.ball.color.hue_deg is missing"},
+                "c.yaml:5: targets.ball.color.hue_deg is missing (other keys here: saturation)"},
         Mistake{"TargetNameThatIsNoTopic", head + "targets:\n  ball__x: {color: {hue_deg: [65, 115]}}\n",
                 "c.yaml:4: targets.ball__x: target \"ball__x\" must be a letter, then letters, digits and single '_', "
                 "64 characters at most: it is part of a ROS 2 topic's name"},
@@ -382,7 +382,7 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"RateThatNoneHas", ball + "cameras:\n  cam1: {device: 0, fps: 1e9}\n",
                 "c.yaml:5: cameras.cam1.fps must be > 0 and <= 10000 (is 1000000000)"},
         Mistake{"CameraWithoutDevice", ball + "cameras:\n  cam1: {fps: 30}\n",
-                "c.yaml:5: cameras.cam1.device is missing"},
+                "c.yaml:5: cameras.cam1.device is missing (other keys here: fps)"},
         Mistake{"DeviceUnderAnotherName", ball + "cameras:\n  cam1: {source: /dev/video0}\n",
                 "c.yaml:5: cameras.cam1.source: is not a known key: write device: /dev/v4l/by-path/..., an index, "
                 "or rtsp://..."},

@@ -680,10 +680,11 @@ TEST_F(Exchange, BagWithAnUncalibratedCameraSaysSo) {
 }
 
 // Three cameras 3 m around a place near the world's origin, which they look at.
-std::string three_cameras(const std::string& pose_key, bool is_inverted) {
+std::string three_cameras(const std::string& pose_key, bool is_inverted, const Eigen::Vector3d& at = {0.2, -0.1, 0.3},
+                          double step_rad = 0.8) {
   std::string text = "{";
   for (int c = 0; c < 3; ++c) {
-    const Eigen::Vector3d at(0.2, -0.1, 0.3), centre(3 * std::cos(0.8 * c), 3 * std::sin(0.8 * c), 1.5);
+    const Eigen::Vector3d centre(3 * std::cos(step_rad * c), 3 * std::sin(step_rad * c), 1.5);
     const Eigen::Vector3d z = (at - centre).normalized(), x = z.cross(Eigen::Vector3d::UnitZ()).normalized();
     Eigen::Matrix4d pose = Eigen::Matrix4d::Identity();
     pose.block<1, 3>(0, 0) = x.transpose();
@@ -717,16 +718,29 @@ TEST_F(Exchange, MatricesOfPosesByTheirNames) {
   expect_three(in);
   EXPECT_THAT(in.notes, testing::Not(Contains(HasSubstr("--inverted-poses"))));
   expect_three(import_text("b.json", three_cameras("T_world_cam", true)));
+  expect_three(import_text("c.json", three_cameras("T", false)));
 }
 
 TEST_F(Exchange, InvertedPosesAreShownBesideTheOthers) {
   const std::string wrong = three_cameras("extrinsics", true);
-  EXPECT_THAT(import_text("a.json", wrong).notes,
+  const Imported either = import_text("a.json", wrong);
+  EXPECT_FALSE(either.is_doubtful);
+  EXPECT_THAT(either.notes,
               Contains(AllOf(HasSubstr("up to 0.150 m apart"),
                              HasSubstr("--inverted-poses), they are up to 4.304 m apart"), HasSubstr("a place 3.1"))));
   const Imported in = import_text("b.json", wrong, {.inverts_poses = true});
+  EXPECT_FALSE(in.is_doubtful);
   expect_three(in);
   EXPECT_THAT(in.notes, testing::Not(Contains(HasSubstr("--inverted-poses"))));
+}
+
+TEST_F(Exchange, PosesThatOnlyInvertedLookAtOnePlaceAreDoubtful) {
+  const std::string wrong = three_cameras("extrinsics", true, {0.6, -0.5, 0.3}, 2.1);
+  const Imported doubtful = import_text("a.json", wrong);
+  EXPECT_TRUE(doubtful.is_doubtful);
+  EXPECT_THAT(doubtful.notes, Contains(HasSubstr("the file is probably of that kind")));
+  EXPECT_FALSE(import_text("b.json", wrong, {.inverts_poses = true}).is_doubtful);
+  EXPECT_FALSE(import_text("c.json", three_cameras("extrinsics", false, {0.6, -0.5, 0.3}, 2.1)).is_doubtful);
 }
 
 TEST_F(Exchange, KeysOfOnesOwn) {

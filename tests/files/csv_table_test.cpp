@@ -59,6 +59,17 @@ TEST_F(Csv, ColumnsMayHaveAlternativeNamesAndBeOptional) {
             ":1: the header has no column target or ball: it has a, b");
 }
 
+// As pandas writes a table with its index.
+TEST_F(Csv, NamesMayBeInCapitals) {
+  CsvTable t = table(",Time,X,Y,y\n7,0.5,1,2,3\n", {"ball|target?", "t|@time", "x", "y"});
+  ASSERT_TRUE(t.next());
+  EXPECT_FALSE(t.has(0));
+  EXPECT_EQ(t.time(1).time_since_epoch(), 500ms);
+  EXPECT_EQ(t.number(2), 1);
+  EXPECT_EQ(t.number(3), 3) << "the name that is spelt alike comes first";
+  EXPECT_EQ(t.name(2), "X");
+}
+
 TEST_F(Csv, IgnoresBlanksAndByteOrderMark) {
   CsvTable t = table("\xEF\xBB\xBFname, t\r\n left ,\t0.5\r\n\r\n", {"name", "t"});
   ASSERT_TRUE(t.next());

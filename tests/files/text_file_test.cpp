@@ -10,6 +10,7 @@
 
 #include "calib/files/config_error.h"
 #include "calib/files/csv_table.h"
+#include "calib/files/files_beside.h"
 
 namespace huetrack::files {
 namespace {
@@ -41,6 +42,21 @@ TEST(TextFile, RejectsDevicesPipesAndFolders) {
     EXPECT_THAT([&] { CsvTable(file, columns); }, refuses(why));
   }
   fs::remove(pipe);
+}
+
+TEST(TextFile, NamesFilesThatMayBeMeant) {
+  const fs::path folder = fs::path(testing::TempDir()) / ("beside_" + std::to_string(::getpid()));
+  fs::create_directories(folder / "sub");
+  EXPECT_EQ(files_beside(folder / "recording.yaml"), "");  // only a folder
+  std::ofstream(folder / "cam0.mp4") << "x";
+  EXPECT_EQ(files_beside(folder / "recording.yaml"), "; in that folder is cam0.mp4");
+  for (const char* name : {"img10.png", "img2.png", "img1.png", "img3.png", "img4.png", ".hidden.png"})
+    std::ofstream(folder / name) << "x";
+  EXPECT_EQ(files_beside(folder / "img%06d.png"), "; in that folder are img1.png, img2.png, img3.png, img4.png, ...");
+  EXPECT_EQ(files_beside(folder / "none" / "a.png"), "; there is no folder " + (folder / "none").string());
+  EXPECT_THAT([&] { read_text_file(folder / "a.mp4"); },
+              refuses("No such file or directory; in that folder is cam0.mp4"));
+  fs::remove_all(folder);
 }
 
 TEST(TextFile, StopsReadingAtTheSizeLimit) {

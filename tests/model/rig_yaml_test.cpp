@@ -135,6 +135,24 @@ TEST_F(RigYaml, ASingleCameraNeedsNoPose) {
   EXPECT_EQ(error_of(replaced(pose, "")), "rig.yaml:3: cameras.left.cam_from_world is missing");
 }
 
+// As programs hold them. The text in the message is valid.
+TEST_F(RigYaml, MatricesOfPosesAreShownAsTheyAreWritten) {
+  const auto begin = valid.find("    cam_from_world"), end = valid.find("  right");
+  const std::string pose = valid.substr(begin, end - begin);
+  const std::string matrix = "[[0, -1, 0, 0.1], [0, 0, -1, 0.2], [1, 0, 0, 3], [0, 0, 0, 1]]";
+  const std::string inverse = "[[0, 0, 1, -3], [-1, 0, 0, 0.1], [0, -1, 0, 0.2], [0, 0, 0, 1]]";
+  const std::string text = "{rotation: [[0, -1, 0], [0, 0, -1], [1, 0, 0]], translation: [0.1, 0.2, 3]}";
+  EXPECT_EQ(error_of(replaced(pose, "    cam_from_world: " + matrix + "\n")),
+            "rig.yaml:8: cameras.left.cam_from_world: is a matrix; write " + text);
+  EXPECT_THAT(error_of(replaced(pose, "    world_from_cam: " + inverse + "\n")),
+              testing::AllOf(testing::StartsWith("rig.yaml:8: cameras.left.world_from_cam: a rig has the inverse pose"),
+                             testing::EndsWith("write cam_from_world: " + text)));
+  EXPECT_EQ(error_of(replaced(pose, "    pose: " + matrix + "\n")),
+            "rig.yaml:3: cameras.left.cam_from_world is missing (other keys here: pose)");
+  EXPECT_EQ(read(replaced(pose, "    cam_from_world: " + text + "\n")).cameras[0].cam_from_world.translation,
+            Eigen::Vector3d(0.1, 0.2, 3));
+}
+
 struct Mutation {
   std::string from, to, message;
 };
@@ -161,7 +179,7 @@ TEST_F(RigYaml, EveryMistakeHasItsOwnMessage) {
        "pinhole_radtan?)"},
       {"fx: 241.734", "fx: -3", "rig.yaml:6: cameras.left.intrinsics.fx must be > 0 (is -3)"},
       {"fx: 241.734", "fx: .nan", "rig.yaml:6: cameras.left.intrinsics.fx must be a number, got \".nan\""},
-      {"fy: 241.5, ", "", "rig.yaml:6: cameras.left.intrinsics.fy is missing"},
+      {"fy: 241.5, ", "", "rig.yaml:6: cameras.left.intrinsics.fy is missing (other keys here: cx, cy)"},
       {"cy: 122.4", "cy: 122.4, skew: 0",
        "rig.yaml:6: cameras.left.intrinsics.skew is not a known key; known here: fx, fy, cx, cy"},
       {"fx: 241.734", "fx: 0.755",
@@ -191,7 +209,8 @@ TEST_F(RigYaml, EveryMistakeHasItsOwnMessage) {
        "rig.yaml:17: cameras.right.cam_from_world.quaternion_xyzw: must have length 1"},
       {"[0, 0.6, 0, 0.8]", "[0, 0.6, 0, 0.8]\n      rotation: " + matrix,
        "rig.yaml:17: cameras.right.cam_from_world.quaternion_xyzw: is given together with rotation: give one of them"},
-      {"      rotation: " + matrix + "\n", "", "rig.yaml:8: cameras.left.cam_from_world.rotation is missing"},
+      {"      rotation: " + matrix + "\n", "",
+       "rig.yaml:8: cameras.left.cam_from_world.rotation is missing (other keys here: translation)"},
       {"[0.1, 0.2, 3]", "[0.1, 0.2]",
        "rig.yaml:10: cameras.left.cam_from_world.translation must be a list of 3 numbers, got a list of 2"},
       {"translation: [-1, 0, 2.5]", "translation: [-1, 0, 2.5]\n      scale: 2",

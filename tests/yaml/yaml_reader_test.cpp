@@ -140,7 +140,7 @@ TEST(YamlReader, ErrorsNameTheMistakeAndItsPlace) {
       {"k: 2", number({.min = 0, .max = 1}), "c.yaml:1: k must be from 0 to 1 (is 2)"},
       {"k: 360", number({.min = 0, .max = 360, .max_is_open = true}), "c.yaml:1: k must be >= 0 and < 360 (is 360)"},
       {"k: 3", number({.max = 1}), "c.yaml:1: k must be <= 1 (is 3)"},
-      {"x: 1", number(any_number), "c.yaml:1: k is missing"},
+      {"x: 1", number(any_number), "c.yaml:1: k is missing (other keys here: x)"},
       {"k: 2.5", integer(any_number), "c.yaml:1: k must be a whole number, got \"2.5\""},
       {"k: 0x", integer(any_number), "c.yaml:1: k must be a whole number, got \"0x\""},
       {"k: 0x-5", integer(any_number), "c.yaml:1: k must be a whole number, got \"0x-5\""},
@@ -245,6 +245,12 @@ TEST(YamlReader, ErrorsSuggestTheCorrectText) {
   const std::vector<Case> cases{
       {"r_m: 0,04", number("r_m"), "write 0.04: a decimal point, not a comma"},
       {"r_m: 40 mm", number("r_m"), "write 0.04: metres, without the unit"},
+      {"square: 25 mm", number("square"), "write 0.025: metres, without the unit"},
+      {"gap: 2,5cm", number("gap"), "write 0.025: metres, without the unit"},
+      {"fx: 4 mm", number("fx"), "write 4, the number alone"},
+      {"angle_deg: 3 mm", number("angle_deg"), "write 3, the number alone"},
+      {"pitch: [25 mm, 25 mm]", [](const YamlReader& r) { r.numbers("pitch", 2, 2, any_number); },
+       "c.yaml:1: pitch[0] must be a number, got \"25 mm\": write 0.025: metres, without the unit"},
       {"t_s: 30ms", number("t_s"), "write 0.03: seconds, without the unit"},
       {"k: 30%", number("k"), "write 0.3: a share, without the unit"},
       {"k: 1,000", whole, "write 1000, without the comma"},
@@ -282,6 +288,20 @@ TEST(YamlReader, ErrorsSuggestTheCorrectText) {
   for (const Case& c : cases) EXPECT_THAT(error_of([&] { c.read(read(c.yaml)); }), HasSubstr(c.message)) << c.yaml;
 }
 
+TEST(YamlReader, AMissingKeyComesWithTheKeysThatMayStandForIt) {
+  const auto missing = [](const std::string& yaml) {
+    return error_of([&] {
+      const YamlReader r = read(yaml);
+      r.has("type"), r.number("hue_deg", any_number);
+    });
+  };
+  EXPECT_EQ(missing("{type: a, hsv: [1, 2]}"), "c.yaml:1: hue_deg is missing (other keys here: hsv)");
+  EXPECT_EQ(missing("{type: a}"), "c.yaml:1: hue_deg is missing");
+  EXPECT_EQ(missing("{a: 1, b: 1, c: 1, d: 1, e: 1, f: 1, g: 1, h: 1}"),
+            "c.yaml:1: hue_deg is missing (other keys here: a, b, c, d, e, f, ...)");
+  EXPECT_EQ(missing("{hue_dg: 1, x: 1}"), "c.yaml:1: hue_deg is missing (is hue_dg in line 1 a misspelling of it?)");
+}
+
 TEST(YamlReader, SuggestsThePlaceOfAMisplacedKey) {
   const std::vector<KeyPath> all{{"volume"}, {"object_tracking", "volume"}, {"targets", "NAME", "color", "hue_deg"}};
   const auto of = [&](const std::string& yaml) {
@@ -304,10 +324,11 @@ TEST(YamlReader, MessagesAreOneShortLine) {
 
 TEST(YamlReader, ErrorNamesAnUnreadableFileAsGiven) {
   EXPECT_EQ(error_of([] { YamlReader::file("no/such/./rig.yaml"); }),
-            "no/such/./rig.yaml: cannot be read: No such file or directory");
+            "no/such/./rig.yaml: cannot be read: No such file or directory; there is no folder no/such/.");
   EXPECT_EQ(error_of([] { YamlReader::file("/proc/self"); }), "/proc/self: is a directory, not a file");
   EXPECT_EQ(error_of([] { YamlReader::file("/dev/zero"); }), "/dev/zero: is a device, a pipe or a socket, not a file");
-  EXPECT_EQ(error_of([] { YamlReader::file("~/rig.yaml"); }), "~/rig.yaml: cannot be read: No such file or directory");
+  EXPECT_EQ(error_of([] { YamlReader::file("~/rig.yaml"); }),
+            "~/rig.yaml: cannot be read: No such file or directory; there is no folder ~");
 }
 
 TEST(YamlReader, ReadsAFileAndKeepsItsName) {
@@ -377,7 +398,7 @@ TEST(PatchedWith, MessagesNameTheFileOfTheValue) {
   const YamlReader m = r.map("m");
   EXPECT_EQ(error_of([&] { m.integer("x", any_number); }), "p.yaml:6: m.x must be a whole number, got \"two\"");
   EXPECT_EQ(error_of([&] { m.boolean("z"); }), "c.yaml:4: m.z must be true or false, got \"1\": write true");
-  EXPECT_EQ(error_of([&] { m.integer("q", any_number); }), "c.yaml:2: m.q is missing");
+  EXPECT_EQ(error_of([&] { m.integer("q", any_number); }), "c.yaml:2: m.q is missing (other keys here: w)");
   EXPECT_EQ(error_of([&] { m.fail("x", "no"); }), "p.yaml:6: m.x: no");
   EXPECT_EQ(error_of([&] { r.fail("m", "no"); }), "c.yaml:2: m: no (p.yaml:5 is read over it)");
   // What is taken away must be a known key, too.
