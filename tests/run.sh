@@ -38,7 +38,7 @@ mkdir -p build
 build_huetrack "$build" "-DCMAKE_BUILD_TYPE=Release" all || fail "the build failed"
 
 total=0 failed=0 skipped=0 status=0
-# run_tests FOLDER CTEST-ARGUMENTS...: adds to the counts; what failed is said again at its end
+# run_tests FOLDER CTEST-ARGUMENTS...: adds to the counts; prints the output of failed tests once more at the end
 run_tests() {
   local folder="$1" results="$PWD/$1/tests.xml" count
   shift

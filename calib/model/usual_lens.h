@@ -23,9 +23,9 @@ struct UsualLensTuning {
 };
 inline constexpr UsualLensTuning usual_lens;
 
-// A camera of which only name and picture size are known: the middle of that prior, without a pose.
-inline Camera guessed_camera(const std::string& name, ImageSize size) {
-  const double focal = 0.5 * size.width / std::tan(0.5 * usual_lens.fov_deg * std::numbers::pi / 180);
+// A camera of which name, picture size and perhaps the field of view are known; no distortion, pose: identity.
+inline Camera guessed_camera(const std::string& name, ImageSize size, double fov_deg = usual_lens.fov_deg) {
+  const double focal = 0.5 * size.width / std::tan(0.5 * fov_deg * std::numbers::pi / 180);
   Camera camera;
   camera.name = name;
   camera.image_size = size;

@@ -38,7 +38,7 @@ struct WavedInput {
   std::optional<config::ServiceConfig> config;
 };
 
-// From the configuration, whose rig may be none. throws gather::InputError, and as load_service_config()
+// From the configuration, with or without a rig. throws gather::InputError, and as load_service_config()
 WavedInput configured_input(const WavedOptions& options);
 
 // The cameras of these names with guessed lenses and the sizes that they have in the recording. throws as ReplaySource

@@ -8,7 +8,6 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <numbers>
 #include <optional>
 #include <stdexcept>
 
@@ -162,20 +161,14 @@ void choose_rate(std::span<const capture::OfferedFormat> formats, SetUpCamera& c
 }
 
 std::string rig_of_one_camera(const SetUpCamera& camera, std::optional<double> fov_deg) {
-  const double focal_px =
-      0.5 * camera.width / std::tan(0.5 * fov_deg.value_or(calib::usual_lens.fov_deg) * std::numbers::pi / 180);
+  calib::CameraRig rig;
+  calib::Camera& out = rig.cameras.emplace_back(
+      calib::guessed_camera("cam0", {camera.width, camera.height}, fov_deg.value_or(calib::usual_lens.fov_deg)));
   Eigen::Matrix3d forwards;
   forwards << 0, -1, 0, 0, 0, -1, 1, 0, 0;
-  calib::Camera out{
-      .name = "cam0",
-      .image_size = {camera.width, camera.height},
-      .model = calib::CameraModel(calib::PinholeRadtan{
-          .fx = focal_px, .fy = focal_px, .cx = (camera.width - 1) / 2.0, .cy = (camera.height - 1) / 2.0}),
-      .cam_from_world = {Eigen::Quaterniond(forwards), Eigen::Vector3d::Zero()},
-      .timing = {}};
-  calib::CameraRig rig{.cameras = {std::move(out)}};
+  out.cam_from_world.rotation = Eigen::Quaterniond(forwards);
   rig.uncertainty = calib::RigUncertainty::of(
-      {{.lens_count = 8}}, usual_covariance(rig.cameras.front().image_size, focal_px, log_focal_sigma(fov_deg)));
+      {{.lens_count = 8}}, usual_covariance(out.image_size, out.model.fx(), log_focal_sigma(fov_deg)));
   return fmt::format(
              "# Written by huetrackd setup: one camera, not calibrated. Its picture is taken to be {:g} degrees wide; "
              "all\n"

@@ -57,15 +57,15 @@ std::string seldom_advice(double tracked_share, const object_tracking::TargetOpt
 }
 
 std::string unsure_advice(double unsure_share, const object_tracking::TargetOptions& target) {
-  // A ball that two cameras see is known to a part of its radius: less than 5 % of the sets of the recordings with a
-  // right colour are above it, and 97 % of those with another object's.
+  // Two cameras locate a ball to a part of its radius: the sigma is above it in 1.3 % of the sets at most where the
+  // colour is right, and in 96 % where it is another object's (shared recordings).
   constexpr double usual = 0.5;
   const std::string opencv = color::opencv_hue_text(target.color);
   if (unsure_share <= usual || opencv.empty()) return {};
   return fmt::format(
       "its sigma was above its radius, {:g} mm, in {:.0f} % of the sets in which it was tracked, so it may be "
-      "something "
-      "else; {}; {}",
+      "something else; {}; "
+      "{}",
       1e3 * target.radius_m, 100 * unsure_share, color::hue_text(target.color), opencv);
 }
 

@@ -1,4 +1,4 @@
-// The truth of the films, and what a page's positions are beside it.
+// The films' truth, and the error of the page's positions.
 import assert from "node:assert/strict";
 
 // The largest eigenvector of a symmetric 4x4 matrix, which may have negative ones.

@@ -1,4 +1,4 @@
-// What the cameras of a user see who has a ball and nothing else: it is waved through the room for some seconds, and
+// What cameras see where a ball is all that the user has: it is waved through the room for some seconds, and
 // then thrown some times, on a closed path. A folder with CAMERA.yuyv of three webcams 50 to 70 degrees wide, and with
 // the truth: rig.yaml, and ball.csv (t, x, y, z: seconds and metres, one round of the path).
 #pragma once

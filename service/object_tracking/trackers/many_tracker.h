@@ -124,7 +124,7 @@ class ManyTracker {
   object_tracking::SeenRegions seen_regions_;
   std::uint32_t last_number_ = 0;
   std::uint32_t number_before_ = 0;   // last_number_ when this one took over, or began anew
-  std::vector<std::uint32_t> ended_;  // numbers from before that, whose end is not published yet
+  std::vector<std::uint32_t> ended_;  // numbers from before that; their end is not published yet
   std::uint64_t started_ = 0;
   std::size_t sets_apart_ = 0;
   capture::Timestamp last_at_{};
