@@ -301,10 +301,6 @@ bool is_too_large_alone(double radius_px, double expected_px) {
   return radius_px * radius_px > sighting_tuning.alone_share * expected_px * expected_px;
 }
 
-bool is_unoccluded_disc(const Sighting& s) {
-  return s.support >= sighting_tuning.whole_share && has_disc_shape(s);
-}
-
 SeenRow row_of(const TargetView& view, double row, const MotionState& times) {
   SeenRow out{.camera = view.index, .below_middle = view.below_middle(row)};
   out.shift_s = times.row_offset_s(view.index, out.below_middle);

@@ -68,9 +68,8 @@ struct Sighting {
 
 void sort_by_time(std::vector<Sighting>& sightings);  // of their rows; stable
 
-// By the region's shape alone; by its shape and size.
+// By the region's shape alone.
 bool has_disc_shape(const Sighting& sighting);
-bool is_unoccluded_disc(const Sighting& sighting);
 // The disc has more than the object's area and blur.
 bool is_too_large_alone(double radius_px, double expected_px);
 
@@ -85,18 +84,16 @@ struct SightingTuning {
   double part_radii = 1.3;  // radii from a region's centre in which another one is a part of the object (experiment)
   double same_object_radii = 1.5;  // radii, nearer candidates or detections are of one object (experiment)
   double shading_share = 0.04;     // of the radius, 1 sigma: a ball's bright side matches further out (experiment)
-  int contested_sets = 8;         // frame sets that confirm a candidate against a view that should show it and does not
-  std::size_t max_crossings = 4;  // candidates kept per frame set and possible object
-  double same_place_px = 1;       // px, motion after which a region lies on other pixels
-  double still_px = 2;            // px, a region that moved less stands still
-  double same_time_s = 0.002;     // s, moments this near to each other are one
-  double behind_px = 50;          // px, residual of rays that meet behind a camera
-  double covered_radii = 1.1;     // radii around an object in which nothing is learnt
-  double covered_px = 4;          // px, in addition: blur
-  double misfit_share = 0.2;      // of the radius, 1 sigma: shape noise of a small disc's outline (experiment)
-  double cut_error = 0.85;        // radii of error per missing share: an edge leaves 0.42 at half, 0.65 at a quarter
+  std::size_t max_crossings = 4;   // candidates kept per frame set and possible object
+  double same_place_px = 1;        // px, motion after which a region lies on other pixels
+  double still_px = 2;             // px, a region that moved less stands still
+  double same_time_s = 0.002;      // s, moments this near to each other are one
+  double behind_px = 50;           // px, residual of rays that meet behind a camera
+  double covered_radii = 1.1;      // radii around an object in which nothing is learnt
+  double covered_px = 4;           // px, in addition: blur
+  double misfit_share = 0.2;       // of the radius, 1 sigma: shape noise of a small disc's outline (experiment)
+  double cut_error = 0.85;         // radii of error per missing share: an edge leaves 0.42 at half, 0.65 at a quarter
   double region_size_sigma = 0.2;  // of the log of a region's radius: dark edges do not match (experiment)
-  double whole_share = 0.9;        // share of the expected area from which a disc counts as unoccluded
   double alone_share = 1.4;        // share of the expected area up to which it is one object alone: its edge is blurred
 };
 inline constexpr SightingTuning sighting_tuning{};
@@ -146,7 +143,6 @@ struct PositionCandidate {
   Eigen::Matrix3d covariance;
   std::vector<Sighting> sightings;  // two or more; with one camera, one
   double score = 0;                 // sum of supports, less 0.25 per view that should see it and does not
-  int sets = 1;                     // consecutive frame sets in which it was found
 };
 
 // Triangulates each pair of regions in two views whose rays meet inside the volume at a distance that fits their sizes;

@@ -21,6 +21,16 @@ struct Room {
   ClutterMap clutter{scene.rig};
   StaticClutterMask still{scene.rig.cameras.size(), 1};
 
+  // So many regions per view, anywhere.
+  explicit Room(int regions = 8) {
+    std::vector<TargetView> views(scene.rig.cameras.size());
+    for (std::size_t c = 0; c < views.size(); ++c) views[c].index = int(c);
+    std::vector<color::ColorRegion> of_view(static_cast<std::size_t>(regions));
+    for (color::ColorRegion& region : of_view) region.centre = {5, 5};
+    clutter.add(views, std::vector(views.size(), of_view));
+    clutter.add({}, {});
+  }
+
   std::vector<Sighting> sightings(const Eigen::Vector3d& p, double off_px = 0) const {
     std::vector<Sighting> all;
     for (std::size_t c = 0; c < scene.rig.cameras.size(); ++c) {
@@ -59,8 +69,32 @@ TEST(ClutterMap, DensityIsHighWhereRegionsAreUnassociated) {
     room.clutter.add(views, regions);
   }
   EXPECT_GT(room.clutter.density(1, {100, 60}), 4 * room.clutter.density(1, {200, 200}));
-  EXPECT_LT(room.clutter.density(1, {200, 200}), before);  // less than the prior
+  EXPECT_LT(room.clutter.density(1, {200, 200}), before);  // fewer than at first
   EXPECT_EQ(room.clutter.density(0, {100, 60}), before);   // of another camera: unchanged
+}
+
+// Regions become clutter with the next set, if no object has claimed them by then.
+TEST(ClutterMap, AnObjectsRegionsAreNotClutter) {
+  Room room(0), of_object(0);
+  std::vector<TargetView> views(1);
+  std::vector<std::vector<color::ColorRegion>> regions(1);
+  regions[0].resize(1);
+  regions[0][0].centre = {100, 60};
+  const double before = room.clutter.density(0, {100, 60});
+  Sighting sighting;
+  sighting.px = {102, 60}, sighting.radius_px = 8;
+  for (int set = 0; set < 5; ++set) {
+    room.clutter.add(views, regions);
+    of_object.clutter.add(views, regions);
+    of_object.clutter.claim({&sighting, 1});
+  }
+  EXPECT_GT(room.clutter.density(0, {100, 60}), 100 * before);
+  EXPECT_LE(of_object.clutter.density(0, {100, 60}), before);
+}
+
+TEST(ClutterMap, CandidatesArePairsOfRegions) {
+  EXPECT_NEAR(Room(8).clutter.candidates(), 3 * 64, 5);
+  EXPECT_LT(Room(0).clutter.candidates(), 0.01);
 }
 
 TEST(ObjectExistence, IsConfirmedByThreeConsistentViewsTwice) {
@@ -74,6 +108,9 @@ TEST(ObjectExistence, IsNotConfirmedByTwoViewsAtOnce) {
   birth.earlier.sightings.pop_back();
   birth.now.sightings.pop_back();
   EXPECT_FALSE(room.begun(birth).is_sure());
+  EXPECT_TRUE(Room(0).begun(birth).is_sure());  // nothing else has the colour
+  birth.of_shape = 10;                          // discs of its size
+  EXPECT_TRUE(room.begun(birth).is_sure());
 }
 
 TEST(ObjectExistence, SightingsFarFromThePredictionAreClutter) {
@@ -134,7 +171,9 @@ TEST(ObjectExistence, EachSightingIsComparedAtItsOwnTime) {
     s.row.at = capture::Timestamp{} + capture::duration_of(late_s);
     apart.push_back(s);
   }
-  ObjectExistence existence = room.begun(room.birth({0, 0, 1}, {0.02, 0, 1}));
+  Birth birth = room.birth({0, 0, 1}, {0.02, 0, 1});
+  birth.earlier.sightings.pop_back(), birth.now.sightings.pop_back();
+  ObjectExistence existence = room.begun(birth);
   const double before = existence.log_odds();
   existence.update({}, state, 1.0, apart, {}, radius_m, room.clutter, room.still);
   EXPECT_GT(existence.log_odds(), before);

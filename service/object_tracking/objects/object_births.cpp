@@ -13,18 +13,12 @@ namespace {
 
 // Probabilities under clutter are of one view; ratios of likelihoods are natural logarithms.
 struct BirthTuning {
-  int sets = 2;                     // frame sets that confirm a candidate that no view speaks against
   double clutter_at_place = 0.004;  // a region lies within a radius of a place: some regions among a thousand discs
   double clutter_on_line = 0.03;    // a region lies within a few pixels of an epipolar line
   double clutter_round = 0.15;      // a region of the static scene is as round as a disc
   double clutter_log_sizes = 2.5;   // range of the logarithms of the radii that regions are searched in
   double max_size_cost = 3;         // a wrong size counts no more against it: it may be occluded
-  double clear_evidence = 7;        // log-likelihood ratio, one false in a thousand rooms: what three views show alike
-  double throw_factor = 2;          // times start_speed_m_s: a clear object may just have been thrown
   double margin_share = 0.5;        // of the volume's largest extent that is searched around it
-  double moved_nis = 25;            // chi-square, 3 dof, 1 - 1.5e-5: surely moved
-  double min_step_share = 0.3;      // of the mean step that the last one must have: slow steps are half noise
-  int path_sets = 6;                // frame sets over which a motion is measured
   double ambiguity = 2;             // log-likelihood ratio up to which two candidates are equally good
 };
 constexpr BirthTuning birth_tuning{};
@@ -51,14 +45,6 @@ bool share_a_region(const PositionCandidate& a, const PositionCandidate& b) {
     return std::ranges::any_of(b.sightings,
                                [&](const Sighting& t) { return t.row.camera == s.row.camera && t.px == s.px; });
   });
-}
-
-// It has surely moved since `from`, and the last step continues that motion: a resting object that was confused once
-// fails.
-bool moves(const Eigen::Vector3d& from, const PositionCandidate& now, const Eigen::Vector3d& step, int sets) {
-  const Eigen::Vector3d path = now.position - from;
-  return sets >= 2 && path.dot((2 * now.covariance).inverse() * path) > birth_tuning.moved_nis &&
-         step.dot(path) > birth_tuning.min_step_share * path.squaredNorm() / sets;
 }
 
 // Log-likelihood ratio of discs of the object's size; static regions have any size and shape.
@@ -117,7 +103,6 @@ ObjectBirths::Candidate ObjectBirths::weighed(PositionCandidate at, const std::v
     if (is_covered || is_in_region || still.may_clip(std::size_t(views[v].index), in_view->px, in_view->radius_px))
       continue;
     out.evidence += llr_missed();
-    ++out.missing;
   }
   return out;
 }
@@ -163,32 +148,18 @@ std::vector<Birth> ObjectBirths::look(const std::vector<TargetView>& views,
   const double dt = capture::seconds(set_at - before_at_);
   std::vector<Candidate> kept;
   for (Candidate& c : now) {
-    const bool is_clear = c.evidence + evidence_of_discs(c.at, target_.radius_m) >= birth_tuning.clear_evidence;
-    const double travel_m = (is_clear ? birth_tuning.throw_factor : 1) * options_.start_speed_m_s * dt;
+    const double travel_m = options_.start_speed_m_s * dt;
     const Candidate* earlier = nullptr;
     if (dt > 0 && dt < sighting_tuning.confirmation_s) {
       for (const Candidate& e : before_) {
-        const double spread =
-            sighting_tuning.prediction_sigmas * (largest_sigma(c.at.covariance) + largest_sigma(e.at.covariance));
+        const double sigma_m = std::hypot(largest_sigma(c.at.covariance), largest_sigma(e.at.covariance), travel_m);
         const double apart_m = (c.at.position - e.at.position).norm();
-        if (apart_m > travel_m + spread) continue;
+        if (apart_m > sighting_tuning.prediction_sigmas * sigma_m) continue;
         if (earlier == nullptr || apart_m < (c.at.position - earlier->at.position).norm()) earlier = &e;
       }
     }
-    // Two views may see two pieces of static clutter in every set. Contradicted by as many others, only a moving
-    // candidate is confirmed; a single other view may be occluded.
-    const bool is_contested = c.missing > 0 && c.at.sightings.size() < 3;
-    bool stands = (is_contested && c.missing >= std::ssize(c.at.sightings)) || (must_move_ && !is_clear);
-    if (earlier != nullptr) {
-      c.at.sets = earlier->at.sets + 1;
-      const bool is_long_ago = earlier->sets_from >= birth_tuning.path_sets;
-      c.from = is_long_ago ? earlier->at.position : earlier->from;
-      c.sets_from = is_long_ago ? 1 : earlier->sets_from + 1;
-      stands = stands && !moves(c.from, c.at, c.at.position - earlier->at.position, c.sets_from);
-    }
-    const int needed = is_contested ? sighting_tuning.contested_sets : birth_tuning.sets;
-    if (earlier != nullptr && c.at.sets >= needed && !stands && !c.is_ambiguous && !earlier->is_ambiguous) {
-      out.push_back({earlier->at, c.at, dt});
+    if (earlier != nullptr && !c.is_ambiguous && !earlier->is_ambiguous) {
+      out.push_back({earlier->at, c.at, dt, evidence_of_discs(c.at, target_.radius_m)});
     } else {
       kept.push_back(std::move(c));
     }

@@ -22,7 +22,8 @@ inline constexpr DetectionTuning detection{};
 
 struct Birth {
   object_tracking::PositionCandidate earlier, now;
-  double dt;  // from one to the other, seconds
+  double dt;            // from one to the other, seconds
+  double of_shape = 0;  // log-likelihood ratio of `now`: discs of its size against clutter of any size and shape
 };
 
 // The volume enlarged by half its largest extent: objects about to enter are tracked, and explain their regions.
@@ -49,17 +50,11 @@ class ObjectBirths {
                           std::span<const CoveredDisc> covered, const StaticClutterMask& still,
                           capture::Timestamp set_at, const object_tracking::MotionState& times);
   void forget() { before_.clear(); }
-  // From now on a resting candidate is none, unless two views show a whole disc of the right size, or three show it
-  // (StaticClutterMask::is_starting()).
-  void set_must_move(bool must_move) { must_move_ = must_move; }
 
  private:
   struct Candidate {
     object_tracking::PositionCandidate at;
-    Eigen::Vector3d from = at.position;  // its position sets_from sets ago
-    int sets_from = 0;
     double evidence = 0;
-    int missing = 0;            // views that should detect it and do not
     bool is_ambiguous = false;  // its regions may belong to another candidate
   };
   std::vector<Candidate> candidates(const std::vector<object_tracking::TargetView>& views,
@@ -73,7 +68,6 @@ class ObjectBirths {
   object_tracking::TargetOptions target_;
   object_tracking::ObjectTrackerOptions options_;  // with the volume that is searched
   std::vector<Candidate> before_;
-  bool must_move_ = false;
   capture::Timestamp before_at_{};
 };
 

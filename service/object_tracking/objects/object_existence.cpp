@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <utility>
 
 namespace huetrack::objects {
 
@@ -13,16 +14,14 @@ using namespace object_tracking;
 namespace {
 
 struct ExistenceTuning {
-  double confirmed = 16;     // log-odds: one false track an hour, of 50 pairs of regions in each of 1e5 frame sets
+  double confirmed = 11.5;   // log-odds: one false track an hour, in 1e5 frame sets
   double max_rest_s = 0.25;  // s, an object found although clutter explains it as well must have moved by then
 };
 constexpr ExistenceTuning existence{};
 
 struct ClutterMapTuning {
-  double prior_regions = 8;  // regions per frame set and image of a room that shares the colour
-  double prior_sets = 15;    // frame sets that this prior is worth: 0.5 s
+  double first_sets = 15;    // frame sets that the first one is worth: a room shows the same for half a second
   double memory_sets = 100;  // frame sets in the means
-  double min_regions = 0.5;  // per frame set and image: none were seen, but there may be some
 };
 constexpr ClutterMapTuning clutter_map{};
 
@@ -83,14 +82,6 @@ Evidence evidence_of(ExpectedPlace expected, std::span<const Sighting> sightings
   return evidence;
 }
 
-// Sightings that the static clutter mask has not cut: none nearby, a whole disc, or an outline fit.
-std::ptrdiff_t whole_of(std::span<const Sighting> sightings, const StaticClutterMask& still) {
-  return std::ranges::count_if(sightings, [&](const Sighting& s) {
-    const double radius_px = s.support > 0 ? s.radius_px / std::sqrt(s.support) : s.radius_px;
-    return s.is_outline || is_unoccluded_disc(s) || !still.may_clip(std::size_t(s.row.camera), s.px, radius_px);
-  });
-}
-
 }  // namespace
 
 ClutterMap::ClutterMap(const calib::CameraRig& rig) {
@@ -99,23 +90,46 @@ ClutterMap::ClutterMap(const calib::CameraRig& rig) {
     of.columns = camera.image_size.width / cell_px + 1, of.rows = camera.image_size.height / cell_px + 1;
     of.pixels = double(camera.image_size.width) * camera.image_size.height;
     of.around.resize(std::size_t(of.columns * of.rows));
-    of.sets = clutter_map.prior_sets, of.regions = clutter_map.prior_regions;
+  }
+}
+
+void ClutterMap::claim(std::span<const Sighting> sightings) {
+  for (const Sighting& s : sightings)
+    if (auto& open = cameras_[std::size_t(s.row.camera)].open)
+      std::erase_if(*open, [&](const Eigen::Vector2d& centre) { return (centre - s.px).norm() < s.radius_px; });
+}
+
+void ClutterMap::count(PerCamera& of, std::span<const Eigen::Vector2d> centres) {
+  const auto regions = double(centres.size());
+  of.regions = of.sets == 0 ? regions : of.regions + (regions - of.regions) / (of.sets + 1);
+  of.sets = of.sets == 0 ? clutter_map.first_sets : std::min(of.sets + 1, clutter_map.memory_sets);
+  const auto fresh = float(1 / of.sets);
+  for (float& cell : of.around) cell -= fresh * cell;
+  for (const Eigen::Vector2d& centre : centres) {
+    const int u = std::clamp(int(centre.x()) / cell_px, 0, of.columns - 1);
+    const int v = std::clamp(int(centre.y()) / cell_px, 0, of.rows - 1);
+    of.around[std::size_t(v * of.columns + u)] += fresh;
   }
 }
 
 void ClutterMap::add(const std::vector<TargetView>& views, std::span<const std::vector<color::ColorRegion>> regions) {
+  for (PerCamera& of : cameras_)
+    if (const auto open = std::exchange(of.open, {})) count(of, *open);
   for (std::size_t i = 0; i < views.size(); ++i) {
-    PerCamera& of = cameras_[std::size_t(views[i].index)];
-    of.sets = std::min(of.sets + 1, clutter_map.memory_sets);
-    of.regions += (double(regions[i].size()) - of.regions) / of.sets;
-    const auto fresh = float(1 / of.sets);
-    for (float& cell : of.around) cell -= fresh * cell;
-    for (const color::ColorRegion& region : regions[i]) {
-      const int u = std::clamp(int(region.centre.x()) / cell_px, 0, of.columns - 1);
-      const int v = std::clamp(int(region.centre.y()) / cell_px, 0, of.rows - 1);
-      of.around[std::size_t(v * of.columns + u)] += fresh;
-    }
+    auto& open = cameras_[std::size_t(views[i].index)].open.emplace();
+    for (const color::ColorRegion& region : regions[i]) open.push_back(region.centre);
   }
+}
+
+// Half a region more than were seen: Jeffreys' prior of a rate.
+double ClutterMap::expected(const PerCamera& of) {
+  return of.regions + 0.5 / std::max(1.0, of.sets);
+}
+
+double ClutterMap::candidates() const {
+  double all = 0, pairs = 0;
+  for (const PerCamera& of : cameras_) pairs += all * expected(of), all += expected(of);
+  return cameras_.size() == 1 ? all : pairs;
 }
 
 double ClutterMap::density(std::size_t camera, const Eigen::Vector2d& px) const {
@@ -127,7 +141,7 @@ double ClutterMap::density(std::size_t camera, const Eigen::Vector2d& px) const 
     for (int i = std::max(0, u - 1); i <= std::min(of.columns - 1, u + 1); ++i)
       near += double(of.around[std::size_t(j * of.columns + i)]), ++cells;
   }
-  return near / (cells * cell_px * cell_px) + std::max(clutter_map.min_regions, of.regions) / of.pixels;
+  return near / (cells * cell_px * cell_px) + expected(of) / of.pixels;
 }
 
 void ObjectExistence::begin(capture::Timestamp set_at, const Birth& birth, const std::vector<TargetView>& views,
@@ -139,18 +153,16 @@ void ObjectExistence::begin(capture::Timestamp set_at, const Birth& birth, const
                                .covariance = largest_m * largest_m / 12 * Eigen::Matrix3d::Identity(),
                                .at = birth.earlier.sightings.front().row.at,
                                .velocity_covariance = of_velocity};
-  longest_on_cut_s_ = std::sqrt(2 * 2 * radius_m / options.acceleration_m_s2);
   const ExpectedPlace near{.position = birth.earlier.position,
                            .covariance = birth.earlier.covariance + travel_m * travel_m * Eigen::Matrix3d::Identity(),
                            .at = birth.now.sightings.front().row.at,
                            .velocity_covariance = of_velocity};
   has_been_sure_ = false;
-  whole_at_ = set_at, on_cut_s_ = whole_of(birth.now.sightings, still) >= 2 ? 0 : 2 * longest_on_cut_s_;
   of_set_ = evidence_of(near, birth.now.sightings, views, radius_m, times, clutter, still).all();
   is_chance_ = false;
-  evidence_ =
-      std::min(max_log_odds(),
-               of_set_ + evidence_of(anywhere, birth.earlier.sightings, {}, radius_m, times, clutter, still).all());
+  evidence_ = std::min(max_log_odds(),
+                       birth.of_shape - std::log(clutter.candidates()) + of_set_ +
+                           evidence_of(anywhere, birth.earlier.sightings, {}, radius_m, times, clutter, still).all());
   at_first_ = std::min(0.0, evidence_);
   has_moved_ = at_first_ >= 0, is_overdue_ = false;
   found_at_ = birth.now.position, found_when_ = set_at;
@@ -169,8 +181,6 @@ void ObjectExistence::update(capture::Timestamp set_at, const MotionState& state
     at.position = state.position_at(at.at);
     at.covariance = state.seen_covariance(sightings.front().row, power_density);
   }
-  if (whole_of(sightings, still) >= 2) whole_at_ = set_at, on_cut_s_ = 0;
-  if (set_at > whole_at_) on_cut_s_ = std::max(on_cut_s_, capture::seconds(set_at - whole_at_));
   has_moved_ = has_moved_ || (at.position - found_at_).norm() > 2 * radius_m;
   is_overdue_ = !has_moved_ && capture::seconds(set_at - found_when_) > existence.max_rest_s;
   const Evidence evidence = evidence_of(at, sightings, views, radius_m, state, clutter, still);
@@ -180,12 +190,8 @@ void ObjectExistence::update(capture::Timestamp set_at, const MotionState& state
   if (has_been_sure_) evidence_ = std::max(0.0, evidence_);
 }
 
-void ObjectExistence::assume() {
-  evidence_ = max_log_odds(), of_set_ = 0, is_chance_ = false, on_cut_s_ = 0, has_been_sure_ = has_moved_ = true;
-}
-
 bool ObjectExistence::is_sure() const {
-  return evidence_ >= existence.confirmed && has_moved_ && of_set_ >= 0 && on_cut_s_ <= longest_on_cut_s_;
+  return evidence_ >= existence.confirmed && has_moved_ && of_set_ >= 0;
 }
 
 bool ObjectExistence::is_refuted() const {

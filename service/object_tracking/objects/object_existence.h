@@ -1,9 +1,10 @@
-// Existence probability of a track in a room that shares the target's colour: integrated probabilistic data association
-// (IPDA; Musicki, Evans, Stankovic 1994) with hard association. State: log-odds of target over clutter. The clutter
-// density comes from a map of the regions that no object explains.
+// Existence probability of a track: integrated probabilistic data association (IPDA; Musicki, Evans, Stankovic 1994)
+// with hard association. State: log-odds of target over clutter. The clutter density comes from a map of the regions
+// that no object explains.
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -16,24 +17,32 @@
 
 namespace huetrack::objects {
 
-// Density of unassociated regions per camera and place. thread-compatible; one per target.
+// Density of unassociated regions per camera and place. A set's regions count with the next add(): by then it is known
+// which of them are objects. thread-compatible; one per target.
 class ClutterMap {
  public:
   explicit ClutterMap(const calib::CameraRig& rig);
-  // regions[i]: all regions of views[i] that no object explains.
+  // Not clutter: the regions of the last add() that these sightings are of.
+  void claim(std::span<const object_tracking::Sighting> sightings);
+  // regions[i]: all regions of views[i] that no known object explains.
   void add(const std::vector<object_tracking::TargetView>& views,
            std::span<const std::vector<color::ColorRegion>> regions);
   double density(std::size_t camera, const Eigen::Vector2d& px) const;  // per px^2 and set, > 0
+  // Expected number of pairs of clutter in two views per set; with one camera, of regions.
+  double candidates() const;
 
  private:
   static constexpr int cell_px = 16;  // layout: of the map
   struct PerCamera {
     int columns = 0, rows = 0;
     double pixels = 1;
-    double sets = 0;            // in the means
-    double regions = 0;         // per set, in the image
-    std::vector<float> around;  // per set, per cell
+    double sets = 0;                                        // in the means
+    double regions = 0;                                     // per set, in the image
+    std::vector<float> around;                              // per set, per cell
+    std::optional<std::vector<Eigen::Vector2d>> open = {};  // centres of the last add()'s regions: not counted yet
   };
+  static void count(PerCamera& of, std::span<const Eigen::Vector2d> centres);
+  static double expected(const PerCamera& of);  // regions per set, in the image
   std::vector<PerCamera> cameras_;
 };
 
@@ -58,9 +67,7 @@ class ObjectExistence {
               std::span<const object_tracking::Sighting> sightings,
               const std::vector<object_tracking::TargetView>& views, double radius_m, const ClutterMap& clutter,
               const StaticClutterMask& still);
-  void assume();  // exists: in a room that does not share the colour
-  // Confirmed, supported by this set, and seen uncut by static clutter no longer ago than a usual motion keeps it
-  // within a diameter of where it was.
+  // Confirmed, and supported by this set.
   bool is_sure() const;
   // Clutter explains the last set's sightings better: they are no measurement of this object.
   bool is_chance() const { return is_chance_; }
@@ -77,9 +84,6 @@ class ObjectExistence {
   bool is_overdue_ = false;
   double of_set_ = 0;
   bool is_chance_ = false;
-  double on_cut_s_ = 0;  // since two views showed it uncut
-  double longest_on_cut_s_ = 0;
-  capture::Timestamp whole_at_{};
   bool has_been_sure_ = false;
 };
 

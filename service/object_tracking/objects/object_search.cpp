@@ -3,9 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
-#include <limits>
 #include <numbers>
-#include <utility>
 
 namespace huetrack::objects {
 
@@ -105,42 +103,8 @@ std::vector<double> ObjectSearch::usual_radii_px(const std::vector<TargetView>& 
   return out;
 }
 
-// A single candidate is no find: a chance match of background pixels does not move like an object.
 std::optional<ObjectSearch::Find> ObjectSearch::find(const std::vector<TargetView>& views, capture::Timestamp set_at,
                                                      const MotionState& times, const StaticClutterMask& still) {
-  if (is_shared_) return find_among_others(views, set_at, times, still);
-  std::vector<PositionCandidate> now =
-      cross_rays(views, regions(), target_, options_, times, sighting_tuning.max_crossings);
-  if (now.empty()) {
-    log_.add(views, regions(), options_.volume);
-    return std::nullopt;
-  }
-  const double dt = capture::seconds(set_at - candidates_at_);
-  const PositionCandidate* found = nullptr;
-  const PositionCandidate* earlier = nullptr;
-  double best = -std::numeric_limits<double>::infinity();
-  if (dt > 0 && dt < sighting_tuning.confirmation_s) {
-    for (PositionCandidate& c : now) {
-      for (const PositionCandidate& e : candidates_) {
-        const double spread =
-            sighting_tuning.prediction_sigmas * (largest_sigma(c.covariance) + largest_sigma(e.covariance));
-        if ((c.position - e.position).norm() > options_.start_speed_m_s * dt + spread) continue;
-        c.sets = std::max(c.sets, e.sets + 1);
-        if (c.sets < sighting_tuning.contested_sets && is_contested(c, views, times)) continue;
-        if (c.score + e.score > best) best = c.score + e.score, found = &c, earlier = &e;
-      }
-    }
-  }
-  std::optional<Find> find;
-  if (found != nullptr) find = Find{*earlier, *found, dt};
-  candidates_ = std::move(now);
-  candidates_at_ = set_at;
-  return find;
-}
-
-std::optional<ObjectSearch::Find> ObjectSearch::find_among_others(const std::vector<TargetView>& views,
-                                                                  capture::Timestamp set_at, const MotionState& times,
-                                                                  const StaticClutterMask& still) {
   const std::vector<Birth> births = births_.look(views, regions(), {}, still, set_at, times);
   const auto find = std::ranges::find_if(
       births, [&](const Birth& birth) { return inside(options_.volume, birth.now.position, target_.radius_m); });
@@ -151,36 +115,11 @@ std::optional<ObjectSearch::Find> ObjectSearch::find_among_others(const std::vec
 
 void ObjectSearch::found() {
   births_.forget();
-  candidates_.clear();
   log_.clear();
 }
 
 void ObjectSearch::forget() {
   births_.forget();
-  candidates_.clear();
-}
-
-// A view that should show the candidate shows something of its size elsewhere: further away than the object moves
-// between the frames.
-bool ObjectSearch::is_contested(const PositionCandidate& candidate, const std::vector<TargetView>& views,
-                                const MotionState& times) const {
-  for (std::size_t i = 0; i < views.size(); ++i) {
-    const bool agrees =
-        std::ranges::any_of(candidate.sightings, [&](const Sighting& s) { return s.row.camera == views[i].index; });
-    const auto at = project_ball(*views[i].camera, candidate.position, target_.radius_m);
-    if (agrees || !at || !views[i].camera->contains({at->px})) continue;
-    const double disc = disc_area(at->radius_px);
-    const SeenRow row = row_of(views[i], at->px.y(), times);
-    const double apart_s = std::hypot(capture::seconds(candidate.sightings.front().row.at - row.at),
-                                      times.row_sigma_s(row.camera, row.below_middle));
-    const double slack_px = at->radius_px * (2 + options_.start_speed_m_s * apart_s / target_.radius_m);
-    if (std::ranges::any_of(regions_[i], [&](const color::ColorRegion& region) {
-          return region.area > sighting_tuning.start_disc_share * disc &&
-                 region.area < sighting_tuning.max_disc_share * disc && (region.centre - at->px).norm() > slack_px;
-        }))
-      return true;
-  }
-  return false;
 }
 
 }  // namespace huetrack::objects

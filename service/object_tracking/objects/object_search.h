@@ -1,6 +1,5 @@
-// Search for an object of unknown position: triangulates regions from a coarse grid of pixels; two candidates in two
-// frame sets that one object can explain are a find. In a room that shares the colour, a find is a birth as among
-// several objects (object_births.h), and objects outside the volume explain their regions.
+// Search for an object of unknown position: regions of the whole images, from a coarse grid of pixels; the first birth
+// among them inside the volume is a find (object_births.h). Objects outside the volume explain their regions.
 #pragma once
 
 #include <optional>
@@ -47,10 +46,7 @@ class ObjectSearch {
 
   using Find = Birth;
   // The room shares the colour (static_clutter_mask.h).
-  void set_shared(bool is_shared, bool must_move) {
-    is_shared_ = is_shared;
-    births_.set_must_move(must_move);
-  }
+  void set_shared(bool is_shared) { is_shared_ = is_shared; }
   // After look(). nullopt: none, or not confirmed yet. Of `times` only the timing is used.
   std::optional<Find> find(const std::vector<object_tracking::TargetView>& views, capture::Timestamp set_at,
                            const object_tracking::MotionState& times, const StaticClutterMask& still);
@@ -60,13 +56,6 @@ class ObjectSearch {
   SearchFindings findings() const { return log_.findings(); }
 
  private:
-  std::optional<Find> find_among_others(const std::vector<object_tracking::TargetView>& views,
-                                        capture::Timestamp set_at, const object_tracking::MotionState& times,
-                                        const StaticClutterMask& still);
-  bool is_contested(const object_tracking::PositionCandidate& candidate,
-                    const std::vector<object_tracking::TargetView>& views,
-                    const object_tracking::MotionState& times) const;
-
   object_tracking::TargetOptions target_;
   object_tracking::ObjectTrackerOptions options_;
   std::vector<SizeInView> size_in_view_;                  // per camera
@@ -75,10 +64,8 @@ class ObjectSearch {
   std::vector<std::vector<color::ColorRegion>> regions_;  // of the views of this set
   std::size_t view_count_ = 0;
   SearchLog log_;
-  std::vector<object_tracking::PositionCandidate> candidates_;  // of the last set with any
-  capture::Timestamp candidates_at_{};
   bool is_shared_ = false;
-  ObjectBirths births_;  // while the room shares the colour
+  ObjectBirths births_;
 };
 
 }  // namespace huetrack::objects

@@ -126,7 +126,6 @@ void StaticClutterMask::look(const std::vector<TargetView>& views, capture::Time
   if (last_at_) return;
   for (const TargetView& view : views) measure(view);  // one view decides for all
   if (std::ranges::any_of(cameras_, &PerCamera::is_above)) {
-    first_at_ = set_at;
     for (const TargetView& view : views) find_what_may_be_objects(view, cameras_[std::size_t(view.index)]);
   }
   for (const TargetView& view : views) sample(view, {});
@@ -143,10 +142,6 @@ void StaticClutterMask::learn(const std::vector<TargetView>& views, std::span<co
   if (std::abs(capture::seconds(set_at - *last_at_)) < static_clutter.period_s / double(views.size())) return;
   last_at_ = set_at;
   sample(views[next_++ % views.size()], tracked);
-}
-
-bool StaticClutterMask::is_starting(capture::Timestamp set_at) const {
-  return is_room_shared_ && first_at_ && capture::seconds(set_at - *first_at_) < samples * static_clutter.period_s;
 }
 
 // Counts the colours that are in the view now, but for those of objects.

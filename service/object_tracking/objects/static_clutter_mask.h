@@ -49,8 +49,6 @@ class StaticClutterMask {
 
   // The room may show the colour in this camera: moving regions may be noise at the mask's edges.
   bool is_shared(std::size_t camera) const { return cameras_[camera].is_learning; }
-  // Since the first set too little time has passed to separate static from moving.
-  bool is_starting(capture::Timestamp set_at) const;
   bool is_room_shared() const { return is_room_shared_; }  // some view shows more of the colour than the objects could
   // Masked pixels are near enough to cut a region of this radius there.
   bool may_clip(std::size_t camera, const Eigen::Vector2d& px, double radius_px) const;
@@ -116,7 +114,7 @@ class StaticClutterMask {
   std::vector<float> differences_;                   // work space: of probes
   bool is_room_shared_ = false;
   std::size_t next_ = 0;
-  std::optional<capture::Timestamp> last_at_ = {}, first_at_ = {};
+  std::optional<capture::Timestamp> last_at_ = {};
 };
 
 }  // namespace huetrack::objects

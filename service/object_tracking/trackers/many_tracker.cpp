@@ -250,11 +250,8 @@ void ManyTracker::follow(Object& object, const capture::FrameSet& set, const std
   consistency_.inflate(object.filter.motion(), object.sightings);
   consistency_.inflate(object.filter.motion(), object.watched);
   const double power_density = learn_acceleration(object, set);
-  if (clutter_mask_.is_room_shared())
-    object.existence.update(set.at, object.filter.motion(), power_density, object.sightings, views, target_.radius_m,
-                            clutter_, clutter_mask_);
-  else
-    object.existence.assume();
+  object.existence.update(set.at, object.filter.motion(), power_density, object.sightings, views, target_.radius_m,
+                          clutter_, clutter_mask_);
   object.filter.update(object.sightings, set.at, object.last_published, power_density);
   judge(object, set);
 }
@@ -300,10 +297,11 @@ void ManyTracker::note_births(const capture::FrameSet& set, const std::vector<Ta
                                  .radius_px});
     }
   }
-  if (clutter_mask_.is_room_shared()) clutter_.add(views, std::span(unexplained_).first(views.size()));
-  births_.set_must_move(clutter_mask_.is_starting(set.at));
   const std::vector<Birth> births =
       births_.look(views, std::span(unexplained_).first(views.size()), covered, clutter_mask_, set.at, times());
+  for (const Birth& birth : births) clutter_.claim(birth.earlier.sightings);
+  clutter_.add(views, std::span(unexplained_).first(views.size()));
+  for (const Birth& birth : births) clutter_.claim(birth.now.sightings);
   for (const Birth& birth : births) {
     if (continue_track(birth, views, set.at)) continue;
     const bool is_taken = std::ranges::any_of(objects_, [&](const auto& o) {
@@ -325,7 +323,7 @@ void ManyTracker::note_births(const capture::FrameSet& set, const std::vector<Ta
 bool ManyTracker::continue_track(const Birth& birth, const std::vector<TargetView>& views, capture::Timestamp set_at) {
   Object* best = nullptr;
   double best_d2 = calib::chi2_999_in_3d;
-  const double first_seen_s = (birth.now.sets + 0.5) * birth.dt;  // ago, up to the set before
+  const double first_seen_s = (2 + 0.5) * birth.dt;  // ago, two sets, up to the one before
   for (const auto& object : objects_) {
     if (object->state != TrackState::coasting || object->sightings.size() >= 2) continue;
     const MotionState& motion = object->filter.motion();
@@ -345,12 +343,8 @@ bool ManyTracker::continue_track(const Birth& birth, const std::vector<TargetVie
 
 void ManyTracker::start(Object& object, const Birth& birth, const std::vector<TargetView>& views,
                         capture::Timestamp set_at) {
-  if (clutter_mask_.is_room_shared())
-    object.existence.begin(set_at, birth, views, target_.radius_m,
-                           (options_.volume.max - options_.volume.min).maxCoeff(), options_, object.filter.motion(),
-                           clutter_, clutter_mask_);
-  else
-    object.existence.assume();
+  object.existence.begin(set_at, birth, views, target_.radius_m, (options_.volume.max - options_.volume.min).maxCoeff(),
+                         options_, object.filter.motion(), clutter_, clutter_mask_);
   object.sightings = object.filter.start(birth.earlier, birth.now, consistency_, set_at, birth.dt, sets_apart_ == 0,
                                          object.last_published);
   if (lead_ == nullptr) consistency_.compare_found(object.filter.motion(), object.sightings);

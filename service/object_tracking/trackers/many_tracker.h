@@ -2,8 +2,7 @@
 // (region_tracker.h), with two of its own:
 //   - association: each view's regions are found once over the whole image and assigned to the predicted objects
 //     (region_association.h): global nearest neighbour, view by view. An object's identity follows from its motion.
-//   - births: unassigned regions may be new objects (object_births.h): track initiation 2 of 2, and 8 of 8 where a view
-//     is inconsistent, as multi-hypothesis trackers do it within a window.
+//   - births: unassigned regions may be new objects (object_births.h).
 // Objects are solid: two tracks that come to lie within one another are one object. An object that leaves the volume is
 // followed as long as it is seen, so that its regions are not taken for something else, but it is not published.
 #pragma once
@@ -104,7 +103,7 @@ class ManyTracker {
   object_tracking::ViewConsistency consistency_;
   objects::ObjectBirths births_;
   objects::StaticClutterMask clutter_mask_;
-  objects::ClutterMap clutter_;  // while the room shares the colour
+  objects::ClutterMap clutter_;
   objects::SearchLog search_log_;
   objects::FurtherObject further_;  // tracked beyond the target's count
   ObjectFilter times_;              // the timing's estimate while there is no object

@@ -10,14 +10,7 @@ namespace huetrack::object_trackers {
 using namespace object_tracking;
 using namespace objects;
 
-namespace {
-
-struct RegionTrackerTuning {
-  int confirming_detections = 3;  // out of reach, one after the other, that replace the track (experiment)
-};
-constexpr RegionTrackerTuning region_tracker{};
-
-}  // namespace
+namespace {}  // namespace
 
 RegionTracker::RegionTracker(const calib::CameraRig& rig, const TargetOptions& target,
                              const ObjectTrackerOptions& options, particle_filter::Rng rng)
@@ -45,7 +38,7 @@ ObjectEstimate RegionTracker::update(const capture::FrameSet& set) {
   const std::vector<TargetView>& views = views_.look_at(set);
   clutter_mask_.look(views, set.at);
   for (std::size_t c = 0; c < views_.camera_count(); ++c) consistency_.set_shared(c, clutter_mask_.is_shared(c));
-  search_.set_shared(clutter_mask_.is_room_shared(), clutter_mask_.is_starting(set.at));
+  search_.set_shared(clutter_mask_.is_room_shared());
   sightings_.clear();
   seen_.clear();
   watched_.clear();
@@ -85,7 +78,8 @@ void RegionTracker::follow(const capture::FrameSet& set, const std::vector<Targe
   seen_.insert(seen_.end(), watched_.begin(), watched_.end());
   const double acceleration_before = filter_.acceleration();
   double power_density = learn_acceleration(set, views);
-  update_existence(set.at, power_density, views);
+  existence_.update(set.at, filter_.motion(), power_density, sightings_, views, target_.radius_m, clutter_,
+                    clutter_mask_);
   if (existence_.is_chance()) {  // clutter would lead the track away
     sightings_.clear();
     filter_.set_acceleration(acceleration_before);
@@ -126,7 +120,6 @@ void RegionTracker::begin_anew() {
   forget();
   state_ = published_ = TrackState::searching;
   was_tracked_ = is_kept_ = false;
-  finds_out_of_reach_ = 0;
 }
 
 // Returns the power density for this set. That of a bounce is not learnt: the motion after it is as calm as before.
@@ -169,13 +162,6 @@ void RegionTracker::forget() {
   filter_.scatter();
 }
 
-void RegionTracker::update_existence(capture::Timestamp set_at, double power_density,
-                                     const std::vector<TargetView>& views) {
-  if (!clutter_mask_.is_room_shared()) return existence_.assume();
-  existence_.update(set_at, filter_.motion(), power_density, sightings_, views, target_.radius_m, clutter_,
-                    clutter_mask_);
-}
-
 void RegionTracker::judge(const capture::FrameSet& set) {
   const MotionState& motion = filter_.motion();
   const Judged now = judged(options_, filter_, sightings_, consistency_.inflated_sigma(motion, sightings_),
@@ -196,31 +182,25 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
   if (sightings_.empty()) {
     consistency_.compare_moving(views, search_.regions(), search_.usual_radii_px(views), set.at, filter_.motion());
   }
-  const bool is_shared = clutter_mask_.is_room_shared();
-  if (is_shared) clutter_.add(views, search_.regions());
-  // Until the timing is estimated, cameras with equal stamps count as synchronised: with open timing nearly any two
-  // rays of a room's regions would meet.
+  // Until the timing is estimated, cameras with equal stamps count as synchronised in a room that shares the colour:
+  // with open timing nearly any two rays of its regions would meet.
   MotionState times = filter_.motion();
-  if (is_shared && sets_apart_ == 0 && last_tracking_ == capture::Timestamp{}) times.expect_synchronised();
+  if (clutter_mask_.is_room_shared() && sets_apart_ == 0 && last_tracking_ == capture::Timestamp{})
+    times.expect_synchronised();
   auto find = search_.find(views, set.at, times, clutter_mask_);
-  if (!find) {
-    finds_out_of_reach_ = 0;
-    return;
-  }
+  if (find) clutter_.claim(find->earlier.sightings);
+  clutter_.add(views, search_.regions());
+  clutter_.claim(sightings_);
+  if (!find) return;
   // The detection is the track that is not confirmed yet.
-  if (is_shared && state_ == TrackState::coasting && sightings_.size() >= 2 &&
+  if (state_ == TrackState::coasting && sightings_.size() >= std::min<std::size_t>(2, views.size()) &&
       (find->now.position - filter_.motion().position()).norm() < sighting_tuning.same_object_radii * target_.radius_m)
     return;
   ObjectExistence found;
-  found.assume();
-  if (is_shared) {
-    found.begin(set.at, *find, views, target_.radius_m, (options_.volume.max - options_.volume.min).maxCoeff(),
-                options_, times, clutter_, clutter_mask_);
-    // Two hypotheses: the likelier one is tracked.
-    if (state_ == TrackState::coasting && found.log_odds() <= existence_.log_odds()) return;
-  } else if (is_out_of_reach(*find, set.at)) {
-    return;
-  }
+  found.begin(set.at, *find, views, target_.radius_m, (options_.volume.max - options_.volume.min).maxCoeff(), options_,
+              times, clutter_, clutter_mask_);
+  // Two hypotheses: the likelier one is tracked.
+  if (state_ == TrackState::coasting && found.log_odds() <= existence_.log_odds()) return;
   MotionState about = filter_.motion();
   const double variance_m2 = std::pow(largest_sigma(find->now.covariance), 2);
   about.begin(set.at, find->now.position, variance_m2, (find->now.position - find->earlier.position) / find->dt,
@@ -237,6 +217,7 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
     state_ = is_tracking ? TrackState::tracking : TrackState::coasting;
     last_tracking_ = set.at;
     search_.found();
+    clutter_.claim(sightings_);
     return;
   }
   sightings_.clear();  // views this inconsistent have detected nothing
@@ -245,17 +226,6 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
     state_ = TrackState::lost;
     filter_.scatter();
   }
-}
-
-// A detection that a coasting track cannot have reached is clutter, unless it is found again and again.
-bool RegionTracker::is_out_of_reach(const ObjectSearch::Find& find, capture::Timestamp set_at) {
-  const MotionState& motion = filter_.motion();
-  const double sigma_m = std::hypot(largest_sigma(motion.position_covariance()), largest_sigma(find.now.covariance));
-  const double reach_m =
-      sighting_tuning.prediction_sigmas * sigma_m + filter_.kick_m_s() * capture::seconds(set_at - last_tracking_);
-  const bool is_near = (find.now.position - motion.position()).norm() <= reach_m;
-  finds_out_of_reach_ = state_ != TrackState::coasting || is_near ? 0 : finds_out_of_reach_ + 1;
-  return finds_out_of_reach_ > 0 && finds_out_of_reach_ < region_tracker.confirming_detections;
 }
 
 // The first initialisation gives the rows' times, and with them how consistent the views are. If they are not, it is
@@ -277,12 +247,12 @@ void RegionTracker::start_at(const ObjectSearch::Find& find, capture::Timestamp 
   clutter_mask_.mark_clipped(sightings_);
 }
 
-// A track that was initialised among clutter of the target's colour, or from views of which no two are consistent,
-// stays unpublished until it has been tracking once.
+// A track whose existence is not confirmed yet, or of whose views no two are consistent, stays unpublished until it has
+// been tracking once.
 TrackState RegionTracker::published_state() {
   was_tracked_ = was_tracked_ || state_ == TrackState::tracking;
-  const bool is_tentative = !was_tracked_ && state_ == TrackState::coasting &&
-                            (clutter_mask_.is_room_shared() || consistency_.no_consistent_pair());
+  const bool is_tentative =
+      !was_tracked_ && state_ == TrackState::coasting && (!existence_.is_sure() || consistency_.no_consistent_pair());
   const bool was_published = published_ == TrackState::tracking || published_ == TrackState::coasting;
   if (!is_tentative)
     published_ = state_;

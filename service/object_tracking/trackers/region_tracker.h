@@ -14,8 +14,9 @@
 //   - consistency: inconsistent views have their covariance inflated (epipolar_consistency.h) by an error that lasts,
 //   like that of
 //     a pose, so that no number of frames averages it out. A position that this leaves too uncertain is not `tracking`.
-//   - search: rays of matching pixels of a coarse grid are intersected between views, and confirmed by a second set.
-//     Several hypotheses are kept here only.
+//   - search: rays of matching pixels of a coarse grid are intersected between views; a second set confirms them.
+//   - existence: log-odds against clutter decide what is published (object_existence.h). A find that is likelier than a
+//     coasting track replaces it.
 //   - calibration: the published covariance contains the rig file's own (rig_error.h).
 // A position is of the time of the newest measurement in its set; of the set's own time where that is within 2 ms of
 // it, or no view sees the object. Alternatives that were tried: object_tracking/EXPERIMENTS.md.
@@ -65,10 +66,7 @@ class RegionTracker {
  private:
   bool is_followed() const;  // tracking or coasting
   void follow(const capture::FrameSet& set, const std::vector<object_tracking::TargetView>& views);
-  bool is_out_of_reach(const objects::ObjectSearch::Find& find, capture::Timestamp set_at);
   double learn_acceleration(const capture::FrameSet& set, const std::vector<object_tracking::TargetView>& views);
-  void update_existence(capture::Timestamp set_at, double power_density,
-                        const std::vector<object_tracking::TargetView>& views);
   void judge(const capture::FrameSet& set);
   void forget();
   void search(const capture::FrameSet& set, const std::vector<object_tracking::TargetView>& views);
@@ -86,8 +84,8 @@ class RegionTracker {
   objects::ObjectSearch search_;
   object_tracking::RigError rig_error_;
   objects::StaticClutterMask clutter_mask_;
-  objects::ClutterMap clutter_;         // while the room shares the colour
-  objects::ObjectExistence existence_;  // while the room shares the colour
+  objects::ClutterMap clutter_;
+  objects::ObjectExistence existence_;
   objects::FurtherObjectWatch further_;
 
   std::vector<object_tracking::Sighting> sightings_;  // of this set, sorted by the time of their rows
@@ -100,7 +98,6 @@ class RegionTracker {
   bool was_tracked_ = false;                                                        // since it was initialised
   capture::Timestamp last_at_{}, last_tracking_{};                                  // of the sets
   bool is_kept_ = false;  // followed into this set, not found in it: a first position is too unsure to learn around it
-  int finds_out_of_reach_ = 0;  // in the last sets, one after the other
   std::size_t sets_apart_ = 0;  // whose frames were not taken at one moment
   capture::Timestamp last_published_ = capture::Timestamp::min();
 };
