@@ -54,9 +54,8 @@ struct SeenRegion {
   Eigen::Vector2d px;       // its centre, raw pixels
   double radius_px = 0;     // of the disc of its area
   double below_middle = 0;  // its row: r / (H - 1) - 1/2
-  // 1 sigma of px per axis, noise and bias, where its outline was fitted; 0: the centroid of a region.
-  double outline_sigma_px = 0;
-  bool is_target = false;  // associated with the target
+  double sigma_px = 0;      // 1 sigma of px per axis, noise and bias; of a part of the object, what it may be off
+  bool is_target = false;   // associated with the target
 };
 
 // How much of a camera's picture has the target's colour.

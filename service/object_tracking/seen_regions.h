@@ -17,6 +17,7 @@ namespace huetrack::object_tracking {
 // thread-compatible.
 class SeenRegions {
  public:
+  explicit SeenRegions(double pixel_noise_px) : pixel_noise_px_(pixel_noise_px) {}
   void clear() { all_.clear(); }
   std::span<const SeenRegion> all() const { return all_; }
   bool has(int camera) const {
@@ -25,9 +26,7 @@ class SeenRegions {
 
   void add_target(const TargetView& view, const Sighting& sighting) {
     all_.push_back(seen(view, sighting.px, sighting.radius_px, true));
-    if (sighting.is_outline)
-      all_.back().outline_sigma_px =
-          std::sqrt(sighting.covariance.trace() / 2 + sighting.bias_sigma_px * sighting.bias_sigma_px);
+    all_.back().sigma_px = std::sqrt(sighting.covariance.trace() / 2 + sighting.bias_sigma_px * sighting.bias_sigma_px);
   }
   void add_others(const TargetView& view, std::span<const color::ColorRegion> regions) {
     for (const color::ColorRegion& region : regions.first(std::min(max_others, regions.size())))
@@ -36,15 +35,18 @@ class SeenRegions {
 
  private:
   static constexpr std::size_t max_others = 4;  // capacity: per view, the largest ones
-  static SeenRegion seen(const TargetView& view, const Eigen::Vector2d& px, double radius_px, bool is_target) {
+  SeenRegion seen(const TargetView& view, const Eigen::Vector2d& px, double radius_px, bool is_target) const {
+    const BaseError error = base_error(radius_px, pixel_noise_px_, sample_px(*view.image));
     return {.camera = view.index,
             .at = view.frame->row_time(px.y()),
             .px = px,
             .radius_px = radius_px,
             .below_middle = view.below_middle(px.y()),
+            .sigma_px = std::sqrt(error.noise_px2 + error.bias_px2),
             .is_target = is_target};
   }
 
+  double pixel_noise_px_;
   std::vector<SeenRegion> all_;
 };
 

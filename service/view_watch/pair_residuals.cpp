@@ -18,8 +18,6 @@ namespace {
 
 struct PairNoiseTuning {
   double rig_px = 0.25;          // 1 sigma of a good rig and lens model
-  double edge_px = 0.25;         // 1 sigma of a region's centre by its coarse edge
-  double shade_radii = 0.06;     // 1 sigma of a region's centre by light from one side, in its radius
   double max_sigmas = 5;         // robust cost: farther off is as bad
   double min_depth_m = 0.05;     // nearer counts as behind
   double acceleration_m_s2 = 5;  // of the target, by which interpolation errs
@@ -41,10 +39,6 @@ constexpr double parallel = 1e-3;  // maths: squared sine of the smallest angle 
 double focal_px(const calib::Camera& camera) {
   calib::CameraModel::Jacobian j;
   return camera.model.project({0, 0, 1}, j) ? std::sqrt(std::abs(j(0, 0) * j(1, 1))) : 1.0;
-}
-
-double sigma_of_region_px(double radius_px) {
-  return std::hypot(pair_noise.edge_px, pair_noise.shade_radii * radius_px);
 }
 
 double PairResiduals::usual() const {

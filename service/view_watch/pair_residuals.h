@@ -34,9 +34,6 @@ using Track = std::deque<SeenPoint>;  // of one camera, by time
 // Focal length, pixels, in the middle of the picture.
 double focal_px(const calib::Camera& camera);
 
-// Standard deviation of a region's centre: its coarse edge, and light from one side.
-double sigma_of_region_px(double radius_px);
-
 // One respect in which the rig may be wrong.
 struct FaultHypothesis {
   // Camera of the rig that really took the frames assigned to camera c; empty: each its own.

@@ -418,14 +418,13 @@ void ViewWatch::keep(const object_tracking::ObjectEstimate& estimate, std::span<
     const auto ray = rig_.cameras[c].model.ray({chosen->px});
     if (!ray) continue;
     if (camera.track.size() >= most_samples()) camera.track.pop_front();
-    camera.track.push_back(
-        {.t_s = t_s,
-         .px = chosen->px,
-         .radius_px = chosen->radius_px,
-         .sigma_px = chosen->outline_sigma_px > 0 ? chosen->outline_sigma_px : sigma_of_region_px(chosen->radius_px),
-         .below_middle = chosen->below_middle,
-         .ray = ray->normalized(),
-         .is_target = chosen->is_target});
+    camera.track.push_back({.t_s = t_s,
+                            .px = chosen->px,
+                            .radius_px = chosen->radius_px,
+                            .sigma_px = chosen->sigma_px,
+                            .below_middle = chosen->below_middle,
+                            .ray = ray->normalized(),
+                            .is_target = chosen->is_target});
   }
 }
 

@@ -35,7 +35,7 @@ std::function<Vector3d(double)> path_of(unsigned seed) {
 
 struct Views {
   double noise_px = 0;
-  double sigma_px = sigma_of_region_px(4);
+  double sigma_px = 0.35;
   std::vector<double> delays_s = {};  // per camera, by which its samples show the past
   double period_s = 1 / 16.0, span_s = 3;
 };

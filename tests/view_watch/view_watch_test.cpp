@@ -287,7 +287,7 @@ TEST(PairComparison, OnePlaceIsNotEnoughForATurn) {
     for (std::size_t c = 0; c < 3; ++c) {
       const Eigen::Vector2d px = scene.rig.cameras[c].project_world(p)->px - Eigen::Vector2d(0, c == 0 ? 1.5 : 0.0);
       tracks[c].push_back(
-          {t, px, 5.5, sigma_of_region_px(5.5), 0.0, scene.rig.cameras[c].model.ray({px})->normalized()});
+          {t, px, 5.5, 0.41, 0.0, scene.rig.cameras[c].model.ray({px})->normalized()});
     }
   }
   const PairComparison comparison(scene.rig);
@@ -309,7 +309,7 @@ std::vector<Track> tracks_of(const scene::Scene& scene, double zoom = 1) {
       const auto px = scene.rig.cameras[c].project_world(p)->px;
       Vector3d ray = *scene.rig.cameras[c].model.ray({px});
       if (c == 1) ray.z() /= zoom;
-      tracks[c].push_back({t, px, 4.0, sigma_of_region_px(4.0), 0.0, ray.normalized()});
+      tracks[c].push_back({t, px, 4.0, 0.35, 0.0, ray.normalized()});
     }
   }
   return tracks;

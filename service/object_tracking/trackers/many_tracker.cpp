@@ -45,7 +45,8 @@ ManyTracker::ManyTracker(const calib::CameraRig& rig, const TargetOptions& targe
       expected_(rig.cameras.size()),
       regions_(rig.cameras.size()),
       unexplained_(rig.cameras.size()),
-      last_regions_(rig.cameras.size()) {
+      last_regions_(rig.cameras.size()),
+      seen_regions_(options.pixel_noise_px) {
   for (const calib::Camera& camera : rig.cameras)
     size_in_view_.push_back(size_in(camera, options.volume, target.radius_m));
   for (std::size_t c = 0; c < rig.cameras.size(); ++c)

@@ -24,7 +24,8 @@ RegionTracker::RegionTracker(const calib::CameraRig& rig, const TargetOptions& t
       rig_error_(rig, options.max_coast_sigma_m),
       clutter_mask_(rig.cameras.size(), 1),
       clutter_(rig),
-      further_(target, options, search_.sizes_in_view()) {
+      further_(target, options, search_.sizes_in_view()),
+      seen_regions_(options.pixel_noise_px) {
   for (std::size_t c = 0; c < rig.cameras.size(); ++c)
     clutter_mask_.set_sizes(c, search_.size_in_view(c).smallest_px, search_.size_in_view(c).largest_px,
                             rig.cameras[c].image_size);
