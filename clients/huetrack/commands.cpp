@@ -287,9 +287,11 @@ class StatusListener {
         poses_in_(participant.create_reader<msg::CameraPosePubSubType>(idl::camera_pose_topic,
                                                                        idl::object_position_reader_qos())),
         sets_in_(participant.create_reader<msg::ObjectSetPubSubType>(idl::object_set_topic,
-                                                                     idl::object_position_reader_qos())) {}
+                                                                     idl::object_position_reader_qos())),
+        positions_in_(participant.create_reader<msg::ObjectPositionPubSubType>(idl::object_position_topic,
+                                                                               idl::object_position_reader_qos())) {}
 
-  // Until the first status, then a moment longer for a second service and the poses of a tracked camera.
+  // Until the first status, then a moment longer for a second service, positions and the poses of a tracked camera.
   void listen() {
     constexpr auto a_moment = 300ms;
     Clock::time_point until = Clock::now() + no_publisher_after;
@@ -325,7 +327,7 @@ class StatusListener {
       const std::int64_t now = unix_now();
       is_healthy &= problems_of(sample, now).empty();
       if (!out.write(format == StatusFormat::json ? status_json(sample, now, of_service, poses, of_hosts)
-                                                  : text(sample, now, of_service, poses, sets, of_hosts)))
+                                                  : text(sample, now, of_service, poses, sets, of_hosts, positions_)))
         break;
     }
     return is_healthy;
@@ -377,15 +379,21 @@ class StatusListener {
     take_each(hosts_in_, hosts_, most_statuses, [](const msg::CameraHost& host) { return host.host(); });
     take_each(poses_in_, poses_, most_names, [](const msg::CameraPose& pose) { return pose.camera(); });
     take_each(sets_in_, sets_, most_names, [](const msg::ObjectSet& set) { return set.target(); });
+    take_each<msg::ObjectPosition>(positions_in_, [&](const msg::ObjectPosition& position) {
+      if (positions_.size() < most_positions) positions_.push_back(position);
+    });
   }
 
-  dds::DataReader &statuses_in_, &times_in_, &clocks_in_, &hosts_in_, &poses_in_, &sets_in_;
+  static constexpr std::size_t most_positions = 10'000;
+
+  dds::DataReader &statuses_in_, &times_in_, &clocks_in_, &hosts_in_, &poses_in_, &sets_in_, &positions_in_;
   std::vector<msg::ServiceStatus> statuses_;  // in order of discovery
   std::map<Process, msg::CameraTimes> times_;
   std::map<Process, msg::HostClocks> clocks_;
   std::map<std::string, msg::CameraHost> hosts_;
   std::map<std::string, msg::CameraPose> poses_;
   std::map<std::string, msg::ObjectSet> sets_;  // by target
+  std::vector<msg::ObjectPosition> positions_;
 };
 
 }  // namespace

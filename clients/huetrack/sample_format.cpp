@@ -187,6 +187,21 @@ std::string line(Format format, const msg::ObjectPosition& sample, std::int64_t 
 
 namespace {
 
+// From the arrival of their pictures to the publication of these positions; empty: there are none.
+std::string latency_words(const msg::ServiceStatus& s, std::span<const msg::ObjectPosition> positions) {
+  std::vector<std::int64_t> ns;
+  for (const msg::ObjectPosition& position : positions)
+    if (std::ranges::any_of(s.targets(), [&](const std::string& target) {
+          return position.target() == target || position.target().starts_with(target + "_");  // or one of its objects
+        }))
+      ns.push_back(position.published_at() - position.received_at());
+  if (ns.empty()) return {};
+  const auto middle = ns.begin() + static_cast<std::ptrdiff_t>(ns.size() / 2);
+  std::ranges::nth_element(ns, middle);
+  return fmt::format("{} ms from the last byte of its pictures to a position, median of {}", latency_ms(0, *middle, 1),
+                     ns.size());
+}
+
 // "pi-3: 40.013 ms ahead of ours +- 0.052, drifts by 50.1 ppm, answers within 0.21 ms; NTP says: kept to 0.30 ms".
 std::string clock_words(const msg::HostClock& clock) {
   if (!clock.is_known()) return clock.host() + ": not compared with ours yet";
@@ -205,7 +220,7 @@ std::string clock_words(const msg::HostClock& clock) {
 
 std::string text(const msg::ServiceStatus& s, std::int64_t now, const msg::CameraTimes* times,
                  std::span<const msg::CameraPose> poses, std::span<const msg::ObjectSet> sets,
-                 const msg::HostClocks* clocks) {
+                 const msg::HostClocks* clocks, std::span<const msg::ObjectPosition> positions) {
   std::string out =
       fmt::format("huetrackd {} on {}, process {}, mode {}, {} s ago\n", s.program_version(), s.host(), s.pid(),
                   s.mode(), number((static_cast<double>(now) - static_cast<double>(s.at())) / ns_per_s, 1));
@@ -219,6 +234,7 @@ std::string text(const msg::ServiceStatus& s, std::int64_t now, const msg::Camer
   add("tracking",
       fmt::format("{} frame sets per second; {} sets, {} of them incomplete, {} dropped; {} late frames",
                   number(s.set_rate_hz(), 1), s.sets(), s.incomplete_sets(), s.dropped_sets(), s.late_frames()));
+  if (const std::string latency = latency_words(s, positions); !latency.empty()) add("latency", latency);
   add("sent", fmt::format("{} samples, {} failures", s.published(), s.publish_failures()));
   if (s.clock_offset_s() != 0)
     add("clock", fmt::format("capture times are the recording's plus {} s", number(s.clock_offset_s(), 3)));

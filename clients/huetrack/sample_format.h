@@ -42,9 +42,10 @@ std::string line(Format format, const msg::CameraPose& sample, std::int64_t rece
 //   poses   the latest of each tracked camera; those of the status' cameras are shown
 //   sets    the latest of each target with several objects; those of the status' targets are shown
 //   clocks  the latest of this service, if it has remote cameras
+//   positions  those that came meanwhile; those of the status' targets count
 std::string text(const msg::ServiceStatus& status, std::int64_t now, const msg::CameraTimes* times = nullptr,
                  std::span<const msg::CameraPose> poses = {}, std::span<const msg::ObjectSet> sets = {},
-                 const msg::HostClocks* clocks = nullptr);
+                 const msg::HostClocks* clocks = nullptr, std::span<const msg::ObjectPosition> positions = {});
 // Of a camera host, several lines.
 std::string text(const msg::CameraHost& host);
 

@@ -85,7 +85,8 @@ std::string to_json(const msg::CameraPose& s) {
                {"features_matched", s.features_matched()},
                {"map_points", s.map_points()},
                {"confidence", s.confidence()},
-               {"latency", seconds_between(s.captured_at(), s.published_at())}});
+               {"latency", seconds_between(s.captured_at(), s.published_at())},
+               {"tracking_latency", seconds_between(s.received_at(), s.published_at())}});
 }
 
 // Flat and rounded, for a thousand points.

@@ -136,7 +136,7 @@ struct NetworkSource::Impl {
         const int e = decoder.open(nullptr, *avcodec_find_decoder(AV_CODEC_ID_MJPEG), {.is_live = true});
         return e < 0 ? error_text(e) : std::string();
       }
-      avio_closep(&io);
+      connection.reset(io);
       if (error < 0) {
         av_dict_free(&dictionary);
         return opening_problem(error);
@@ -149,6 +149,7 @@ struct NetworkSource::Impl {
     AVFormatContext* opened = avformat_alloc_context();
     if (opened == nullptr) return "there is no memory";
     opened->interrupt_callback = {&Impl::is_over, this};
+    opened->pb = connection.get();  // the same one: a server may serve but one client, once (ffmpeg -listen 1)
     const int error = avformat_open_input(&opened, options.address.c_str(), nullptr, &dictionary);
     av_dict_free(&dictionary);
     if (error < 0) return opening_problem(error);
@@ -185,6 +186,7 @@ struct NetworkSource::Impl {
     splitter = {};
     decoder.close();
     format.reset();
+    connection.reset();
     stream = nullptr;
     arrivals.clear();
     damaged = 0;
@@ -365,6 +367,7 @@ struct NetworkSource::Impl {
   const std::string shown;
   std::stop_token stop;  // this and all members up to `mutex` belong to the thread that calls next()
   Clock::time_point deadline{};
+  IoPtr connection;  // of format, over HTTP
   InputPtr format;
   IoPtr jpegs;  // instead of format: motion JPEG over HTTP
   JpegSplitter splitter;

@@ -125,7 +125,8 @@ void Supervisor::publish_status(const pipeline::PipelineFigures& figures, const 
   }
   if (the_.metrics_server != nullptr) show_metrics();
   if (!is_last)
-    notify_service_manager("STATUS=" + status_line(status_, targets, tracked_camera_, figures.tracked_camera.state));
+    notify_service_manager("STATUS=" + status_line(status_, targets, the_.meter.latencies().dequeue_to_write,
+                                                   tracked_camera_, figures.tracked_camera.state));
 }
 
 void Supervisor::add_warnings(publish::ServiceStatus& status) const {
@@ -218,7 +219,8 @@ std::string word_of(const publish::CameraStatus& camera) {
 }  // namespace
 
 std::string status_line(const publish::ServiceStatus& status, std::span<const metrics::TargetFigures> targets,
-                        const std::string& tracked_camera, camera_tracking::PoseState camera_state) {
+                        const metrics::LatencyHistogram::Snapshot& latencies, const std::string& tracked_camera,
+                        camera_tracking::PoseState camera_state) {
   std::size_t delivering = 0;
   std::vector<std::string> cameras, tracked;
   for (const auto& camera : status.cameras) {
@@ -233,8 +235,13 @@ std::string status_line(const publish::ServiceStatus& status, std::span<const me
             : fmt::format("{} {}", status.targets[t], object_tracking::name(targets[t].state)));
   if (!tracked_camera.empty())
     tracked.push_back(fmt::format("{}'s pose {}", tracked_camera, camera_tracking::name(camera_state)));
-  return fmt::format("{} of {} cameras deliver: {}; {:.1f} sets/s{}{}", delivering, cameras.size(),
-                     fmt::join(cameras, ", "), status.set_rate_hz, tracked.empty() ? "" : "; ",
+  const std::string latency =
+      latencies.count() == 0
+          ? ""
+          : fmt::format(", written {:.1f} ms after their last byte (one in a hundred: {:.1f})",
+                        1e3 * latencies.quantile_s(0.5), 1e3 * latencies.quantile_s(0.99));  // capacity: percentiles
+  return fmt::format("{} of {} cameras deliver: {}; {:.1f} sets/s{}{}{}", delivering, cameras.size(),
+                     fmt::join(cameras, ", "), status.set_rate_hz, latency, tracked.empty() ? "" : "; ",
                      fmt::join(tracked, ", "));
 }
 

@@ -74,6 +74,18 @@ std::uint64_t LatencyHistogram::Snapshot::count() const {
   return sum;
 }
 
+double LatencyHistogram::Snapshot::quantile_s(double share) const {
+  if (count() == 0) return std::numeric_limits<double>::quiet_NaN();
+  double wanted = share * static_cast<double>(count()), lower_s = 0;
+  for (std::size_t i = 0; i < bounds_s.size(); ++i) {
+    const auto in_bucket = static_cast<double>(counts[i]);
+    if (wanted <= in_bucket) return lower_s + (in_bucket > 0 ? wanted / in_bucket : 0) * (bounds_s[i] - lower_s);
+    wanted -= in_bucket;
+    lower_s = bounds_s[i];
+  }
+  return bounds_s.back();
+}
+
 namespace {
 
 void add_cameras(Text& text, const publish::ServiceStatus& status) {

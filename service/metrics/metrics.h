@@ -29,6 +29,9 @@ class LatencyHistogram {
     std::array<std::uint64_t, bounds_s.size() + 1> counts{};  // per bucket, not cumulated; last: beyond the bounds
     double sum_s = 0;
     std::uint64_t count() const;
+    // Below it lies this share (0 .. 1) of all, interpolated within a bucket; the last bound if it is beyond. NaN:
+    // none.
+    double quantile_s(double share) const;
   };
   Snapshot snapshot() const;
 

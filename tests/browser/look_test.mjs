@@ -277,6 +277,7 @@ async function doubts(address) {
   const card = (name) => page.locator(`#targets li[data-target=${name}]`);
   await until("late is said", async () => /its positions are 9\.80 s late/i.test(await card("lime").textContent()));
   assert.equal(await card("lime").locator(".latency").getAttribute("data-level"), "bad");
+  assert.match(await card("lime").locator("div:has(> .latency)").getAttribute("title"), /; 1\.0 ms of it after the last byte of the pictures had arrived$/);
   // The page may draw between two messages, so each is waited for.
   await until("what is wrong with pink is said", async () =>
     /exceeds its own radius; only cam0 sees it; the cameras hardly see it\./.test(await card("pink").textContent()));

@@ -6,6 +6,10 @@
 #include <optional>
 
 #include "capture/cropped_source.h"
+#include "capture/frames/image_copy.h"
+#include "capture/jpeg/jpeg_reader.h"
+#include "capture/jpeg_maker.h"
+#include "capture/on_demand_copy.h"
 
 namespace huetrack::capture {
 namespace {
@@ -45,6 +49,103 @@ TEST(Crop, HasThePixelsOfItsPart) {
         }
       }
   }
+}
+
+std::vector<std::uint8_t> packed(const Image& image) {
+  std::vector<std::uint8_t> bytes(packed_bytes(image));
+  pack(image, bytes.data());
+  return bytes;
+}
+
+TEST(Crop, OfACompressedImageIsDecodedOnDemand) {
+  for (const PixelFormat format : cropped_formats) {
+    SCOPED_TRACE(std::string(name(format)));
+    WritableImage made = make_image(format, ColorRange::full, 200, 120);
+    for (std::size_t i = 0; i < packed_bytes(made.image); ++i)
+      made.data[0][i] = static_cast<std::uint8_t>(37 * i + i / 7);
+    const Image whole = on_demand_copy(made.image);
+    const Crop crop{54, 22, 98, 66};
+    const Image part = cropped(whole, crop);
+    EXPECT_EQ(whole.on_demand->decoded_units(), 0U);
+    ASSERT_TRUE(part.on_demand);
+    require(part, 10, 10, 11, 11);  // columns 54 .. 69 of the whole image are the part's first unit
+    EXPECT_EQ(part.on_demand->decoded_units(), 1U);
+    EXPECT_EQ(whole.on_demand->decoded_units(), 4U);
+    EXPECT_EQ(packed(part), packed(cropped(made.image, crop)));
+    EXPECT_EQ(whole.on_demand->decoded_units(), 7U * 5);  // units 3 .. 9 of 13, rows 1 .. 5 of 8
+  }
+}
+
+TEST(Crop, OfACompressedImageOutlivesIt) {
+  const Image kept = noise(PixelFormat::i420).image;
+  Image part;
+  {
+    const Image whole = on_demand_copy(kept);
+    part = cropped(whole, {16, 4, 10, 6});
+  }
+  EXPECT_EQ(packed(part), packed(cropped(kept, {16, 4, 10, 6})));
+}
+
+// Their samples are within them, and they are no wider than those of the units below.
+TEST(Crop, KnowsTheBoundsOfItsUnits) {
+  const auto jpeg = make_jpeg({.width = 192, .height = 128, .noise = 10});
+  JpegReader reader;
+  const Image whole = *reader.read(reader.keep(jpeg)).image;
+  for (const Crop crop : {Crop{64, 32, 96, 64}, Crop{54, 22, 98, 66}}) {
+    SCOPED_TRACE(text_of(crop));
+    const Image part = cropped(whole, crop);
+    const PixelsOnDemand& pixels = *part.on_demand;
+    const std::vector<PixelBounds> wide(pixels.bounds().begin(), pixels.bounds().end());
+    ASSERT_EQ(wide.size(), pixels.units());
+    const bool is_aligned = crop.u % 16 == 0;
+    int narrower = 0;
+    for (std::size_t unit = 0; unit < wide.size(); ++unit) {
+      PixelBounds narrow = wide[unit];
+      pixels.narrow_chroma(unit, narrow);
+      EXPECT_EQ(narrow.y.min, wide[unit].y.min);
+      narrower += narrow.u.max - narrow.u.min < wide[unit].u.max - wide[unit].u.min;
+      SampleBounds y = no_sample, u = no_sample, v = no_sample;
+      const int left = static_cast<int>(unit) % pixels.columns() * 16,
+                top = static_cast<int>(unit) / pixels.columns() * 16;
+      for (int row = top; row < std::min(top + 16, crop.height); ++row)
+        for (int column = left; column < std::min(left + 16, crop.width); ++column) {
+          const Yuv p = yuv_at(part, column, row);
+          y.include({p.y, p.y}), u.include({p.u, p.u}), v.include({p.v, p.v});
+        }
+      EXPECT_TRUE(y.min >= wide[unit].y.min && y.max <= wide[unit].y.max) << unit;
+      EXPECT_TRUE(u.min >= narrow.u.min && u.max <= narrow.u.max) << unit;
+      EXPECT_TRUE(v.min >= narrow.v.min && v.max <= narrow.v.max) << unit;
+      if (is_aligned) {
+        EXPECT_TRUE(u.min == narrow.u.min && u.max == narrow.u.max) << unit;
+        const auto below = static_cast<std::size_t>((crop.v + top) / 16 * 12 + (crop.u + left) / 16);
+        EXPECT_EQ(wide[unit].y.max, whole.on_demand->bounds()[below].y.max) << unit;
+      }
+    }
+    EXPECT_GT(narrower, 0);
+  }
+  EXPECT_TRUE(cropped(on_demand_copy(noise(PixelFormat::i420).image), {2, 2, 8, 8}).on_demand->bounds().empty());
+}
+
+TEST(Crop, HasTheEighthOfItsWholeBlocks) {
+  JpegReader reader;
+  const Image whole = *reader.read(reader.keep(make_jpeg({.width = 192, .height = 128, .noise = 10}))).image;
+  const Image all = whole.on_demand->eighth();
+  const auto expect_part = [&](const Crop& crop, int u0, int v0, int width, int height) {
+    SCOPED_TRACE(text_of(crop));
+    const Image part = cropped(whole, crop).on_demand->eighth();
+    ASSERT_EQ(part.width, width);
+    ASSERT_EQ(part.height, height);
+    for (int v = 0; v < height; ++v)
+      for (int u = 0; u < width; ++u) {
+        const Yuv a = yuv_at(part, u, v), b = yuv_at(all, u0 + u, v0 + v);
+        ASSERT_EQ(std::tie(a.y, a.u, a.v), std::tie(b.y, b.u, b.v)) << u << "," << v;
+      }
+  };
+  expect_part({64, 32, 96, 64}, 8, 4, 12, 8);
+  expect_part({54, 22, 98, 66}, 8, 4, 10, 6);
+  expect_part({96, 0, 96, 128}, 12, 0, 12, 16);
+  EXPECT_FALSE(has_pixels(cropped(whole, {2, 2, 20, 20}).on_demand->eighth()));  // no block is wholly in it
+  EXPECT_FALSE(has_pixels(cropped(on_demand_copy(noise(PixelFormat::i420).image), {0, 0, 16, 16}).on_demand->eighth()));
 }
 
 TEST(Crop, FitsThePicturesChroma) {

@@ -37,6 +37,7 @@ class MjpegServer {
     std::string first_boundary = "--frame\r\n",
                 boundary = "--frame\r\n";  // before the first picture, before the others
     bool has_headers = true;               // of every picture: its type and length
+    bool is_for_one = false;               // who connects once more is not served
     bool is_rtsp = false;                  // no pictures: `endless_then` answers DESCRIBE
   };
   explicit MjpegServer(Film film) : film_(film) {
@@ -75,6 +76,7 @@ class MjpegServer {
         std::this_thread::sleep_for(std::chrono::milliseconds(20));
       }
       if (!film_.endless_then.empty()) send_endless(client, stop);
+      if (film_.is_for_one) return;
       while (film_.is_silent_then && !stop.stop_requested()) std::this_thread::sleep_for(std::chrono::milliseconds(5));
     }
   }

@@ -98,6 +98,19 @@ TEST(NetworkSource, TakesAnyBoundary) {
   }
 }
 
+// As `ffmpeg -f mpjpeg -listen 1` serves it: of no particular type, and to one client, once.
+TEST(NetworkSource, ConnectsOnce) {
+  MjpegServer camera({.pictures = 200, .type = "application/octet-stream", .is_for_one = true});
+  NetworkSource source(network_options(camera));
+  for (int k = 0; k < 8; ++k) {
+    const auto frame = source.next({});
+    ASSERT_TRUE(frame);
+    ASSERT_EQ(frame->status, FrameStatus::ok);
+    EXPECT_TRUE(frame->pixels.on_demand);
+  }
+  EXPECT_EQ(source.take_events().size(), 1U);  // delivers
+}
+
 TEST(NetworkSource, WarnsWhileLatencyIsUnknown) {
   MjpegServer camera({});
   NetworkSource source(network_options(camera));

@@ -264,6 +264,22 @@ TEST(SampleFormat, StatusHasProblems) {
             std::string::npos);
 }
 
+TEST(SampleFormat, StatusHasTheLatencyOfItsPositions) {
+  msg::ServiceStatus s;
+  s.targets({"ball"});
+  std::vector<msg::ObjectPosition> positions(4);
+  const std::string names[] = {"ball", "ball_2", "balloon", "ball"};
+  for (std::size_t i = 0; i < positions.size(); ++i) {
+    positions[i].target(names[i]);
+    positions[i].received_at(1'700'000'000'000'000'000);
+    positions[i].published_at(positions[i].received_at() +
+                              std::int64_t{i == 2 ? 90 : static_cast<int>(i) + 2} * 1'000'000);
+  }
+  EXPECT_NE(text(s, 1, nullptr, {}, {}, nullptr, positions)
+                .find("  latency   3.0 ms from the last byte of its pictures to a position, median of 3\n"),
+            std::string::npos);
+}
+
 TEST(SampleFormat, UnknownStateNumbersHaveNoName) {
   EXPECT_EQ(idl::state_name(99), "unknown");
   EXPECT_EQ(idl::name(static_cast<msg::CameraHealth>(99)), "unknown");

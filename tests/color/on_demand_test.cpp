@@ -5,6 +5,7 @@
 #include <tuple>
 #include <vector>
 
+#include "capture/frames/crop.h"
 #include "capture/on_demand_copy.h"
 #include "color/color_region.h"
 #include "color/color_window.h"
@@ -123,6 +124,26 @@ TEST_P(OnDemandBits, OfAllTiles) {
   match_tiles(image_, table_, whole);
   match_tiles(capture::on_demand_copy(image_, std::get<1>(GetParam())), table_, partly);
   EXPECT_EQ(partly, whole);
+}
+
+TEST_P(OnDemandBits, OfACrop) {
+  const capture::Crop crop{10, 6, 300, 130};
+  const capture::Image whole = capture::cropped(image_, crop);
+  const capture::Image partly = capture::cropped(capture::on_demand_copy(image_, std::get<1>(GetParam())), crop);
+  std::vector<std::uint64_t> tiles, expected_tiles;
+  match_tiles(whole, table_, expected_tiles);
+  match_tiles(partly, table_, tiles);
+  EXPECT_EQ(tiles, expected_tiles);
+  MatchBits bits(crop.width, crop.height), expected_bits(crop.width, crop.height);
+  for (const int step : {3, 20}) {
+    std::vector<PixelAt> hits, expected;
+    expected_bits.look_at(whole, table_);
+    expected_bits.grid(step, expected);
+    const capture::Image anew = capture::cropped(capture::on_demand_copy(image_, std::get<1>(GetParam())), crop);
+    bits.look_at(anew, table_);
+    bits.grid(step, hits);
+    EXPECT_EQ(places(hits), places(expected)) << step;
+  }
 }
 
 // One coloured spot on grey: nothing else is decoded.

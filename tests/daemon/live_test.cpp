@@ -400,11 +400,18 @@ TEST(StatusLine, SaysRatesAndStates) {
   metrics::TargetFigures targets[] = {{.state = object_tracking::TrackState::coasting}};
   EXPECT_EQ(status_line(status, targets),
             "1 of 2 cameras deliver: left 30.0 Hz, back absent; 29.9 sets/s; ball coasting");
-  EXPECT_EQ(status_line(status, targets, "left", camera_tracking::PoseState::lost),
+  EXPECT_EQ(status_line(status, targets, {}, "left", camera_tracking::PoseState::lost),
             "1 of 2 cameras deliver: left 30.0 Hz, back absent; 29.9 sets/s; ball coasting, left's pose lost");
   targets[0].most = 8, targets[0].tracked = 3;
   EXPECT_EQ(status_line(status, targets),
             "1 of 2 cameras deliver: left 30.0 Hz, back absent; 29.9 sets/s; ball: 3 of at most 8 tracking");
+  metrics::LatencyHistogram latencies;
+  for (int i = 0; i < 98; ++i) latencies.add(1900us);  // 1.5 .. 2 ms
+  for (int i = 0; i < 2; ++i) latencies.add(7ms);      // 5 .. 10 ms
+  EXPECT_EQ(
+      status_line(status, targets, latencies.snapshot()),
+      "1 of 2 cameras deliver: left 30.0 Hz, back absent; 29.9 sets/s, written 1.8 ms after their last byte (one in "
+      "a hundred: 7.5); ball: 3 of at most 8 tracking");
 }
 
 }  // namespace

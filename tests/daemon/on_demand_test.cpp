@@ -4,9 +4,12 @@
 
 #include <filesystem>
 #include <fstream>
+#include <optional>
 #include <sstream>
 #include <string>
 
+#include "calib/model/rig_yaml.h"
+#include "capture/frames/crop.h"
 #include "capture/jpeg/jpeg_reader.h"
 #include "daemon/replay.h"
 
@@ -20,6 +23,8 @@ struct Recorded {
   fs::path recording;      // folder
   std::string config;      // file in it, or the text of a configuration without `rig`
   bool is_camera = false;  // poses instead of tracks
+  // A recording of cam0.mkv and cam1.mkv, of which only this part is used.
+  std::optional<capture::Crop> crop = {};
 };
 
 std::string content(const fs::path& file) {
@@ -51,6 +56,12 @@ class OnDemandReplay : public testing::TestWithParam<Recorded> {
                                     << recorded.config;
     }
     command.recording = {recorded.recording.string()};
+    if (recorded.crop) {
+      write_cropped(*recorded.crop);
+      command.recording = {(folder_ / "recording.yaml").string()};
+      std::ofstream(command.config) << "version: 1\nrig: " << (folder_ / "rig.yaml").string() << "\n"
+                                    << recorded.config;
+    }
     command.no_dds = true;
     command.progress = false;
     const fs::path out = folder_ / "out";
@@ -62,6 +73,22 @@ class OnDemandReplay : public testing::TestWithParam<Recorded> {
     for (const auto* sentences : {&summary.mistakes, &summary.clutter, &summary.calibration})
       for (const std::string& sentence : *sentences) all += sentence + "\n";
     return all;
+  }
+
+  void write_cropped(const capture::Crop& crop) const {
+    calib::CameraRig rig = calib::read_rig(GetParam().recording / "rig.yaml");
+    std::ofstream recording(folder_ / "recording.yaml");
+    recording << "version: 1\ncameras:\n";
+    for (calib::Camera& camera : rig.cameras) {
+      auto pinhole = std::get<calib::PinholeRadtan>(camera.model.lens());
+      pinhole.cx -= crop.u;
+      pinhole.cy -= crop.v;
+      camera.model = calib::CameraModel(pinhole);
+      camera.image_size = {.width = crop.width, .height = crop.height};
+      recording << "  " << camera.name << ": {frames: " << (GetParam().recording / (camera.name + ".mkv")).string()
+                << ", fps: 30, crop: " << capture::text_of(crop) << "}\n";
+    }
+    calib::write_rig(rig, folder_ / "rig.yaml");
   }
 
   const fs::path folder_;
@@ -81,20 +108,23 @@ const std::string room = "volume: {min: [-1, -1, 0.1], max: [1, 1, 2.1]}}\n";
 
 INSTANTIATE_TEST_SUITE_P(
     Recordings, OnDemandReplay,
-    testing::Values(Recorded{"demo", fs::path(HUETRACK_SOURCE_DIR) / "configs/demo/recording",
-                             "targets: {ball: {radius_m: 0.04, color: {hue_deg: [65, 115]}}}\nobject_tracking: {" +
-                                 room},
-                    Recorded{"webcams", rendered / "webcams", "huetrackd.yaml"},
-                    Recorded{"occlusion_paper", rendered / "occlusion", two_balls + "observation: paper, " + room},
-                    Recorded{"occlusion", rendered / "occlusion", two_balls + room},
-                    Recorded{"juggling", rendered / "juggling", "huetrackd.yaml"},
-                    Recorded{"images", fs::path(HUETRACK_SHARED_DATA) / "field_cases/glob_order", "my.yaml"},
-                    Recorded{"bumped", rendered / "bumped", "huetrackd.yaml"},
-                    Recorded{"leds", rendered / "leds",
-                             "camera_tracking: {camera: cam0, method: huetrack, start: {leds: " +
-                                 (rendered / "leds/led_positions.csv").string() +
-                                 ", led_schedule: " + (rendered / "leds/led_frames.csv").string() + "}}\n",
-                             true}),
+    testing::Values(
+        Recorded{"demo", fs::path(HUETRACK_SOURCE_DIR) / "configs/demo/recording",
+                 "targets: {ball: {radius_m: 0.04, color: {hue_deg: [65, 115]}}}\nobject_tracking: {" + room},
+        Recorded{"demo_cropped", fs::path(HUETRACK_SOURCE_DIR) / "configs/demo/recording",
+                 "targets: {ball: {radius_m: 0.04, color: {hue_deg: [65, 115]}}}\nobject_tracking: {" + room, false,
+                 capture::Crop{6, 10, 300, 222}},
+        Recorded{"webcams", rendered / "webcams", "huetrackd.yaml"},
+        Recorded{"occlusion_paper", rendered / "occlusion", two_balls + "observation: paper, " + room},
+        Recorded{"occlusion", rendered / "occlusion", two_balls + room},
+        Recorded{"juggling", rendered / "juggling", "huetrackd.yaml"},
+        Recorded{"images", fs::path(HUETRACK_SHARED_DATA) / "field_cases/glob_order", "my.yaml"},
+        Recorded{"bumped", rendered / "bumped", "huetrackd.yaml"},
+        Recorded{"leds", rendered / "leds",
+                 "camera_tracking: {camera: cam0, method: huetrack, start: {leds: " +
+                     (rendered / "leds/led_positions.csv").string() +
+                     ", led_schedule: " + (rendered / "leds/led_frames.csv").string() + "}}\n",
+                 true}),
     [](const auto& of) { return of.param.name; });
 
 }  // namespace

@@ -17,6 +17,7 @@ TEST(Events, NanIsNull) {
   sample.target("ball");
   sample.captured_at(1'700'000'000'250'000'000);
   sample.published_at(1'700'000'000'260'000'000);
+  sample.received_at(1'700'000'000'258'000'000);
   sample.state(msg::TRACK_STATE_LOST);
   sample.position().fill(std::numeric_limits<double>::quiet_NaN());
   const Json json = Json::parse(to_json(sample));
@@ -24,6 +25,7 @@ TEST(Events, NanIsNull) {
   EXPECT_TRUE(json["position"][0].is_null());
   EXPECT_DOUBLE_EQ(json["t"], 1'700'000'000.25);
   EXPECT_NEAR(json["latency"], 0.01, 1e-9);
+  EXPECT_NEAR(json["tracking_latency"], 0.002, 1e-9);
 }
 
 TEST(Events, TrackedCameraHasPoseAndSigma) {
@@ -32,11 +34,14 @@ TEST(Events, TrackedCameraHasPoseAndSigma) {
   pose.state(msg::CAMERA_STATE_COASTING);
   pose.position({1, 2, 3});
   pose.covariance()[14] = 0.25;
+  pose.received_at(1'000'000'000);
+  pose.published_at(1'003'000'000);
   pose.covariance()[0] = std::numeric_limits<double>::quiet_NaN();
   const Json json = Json::parse(to_json(pose));
   EXPECT_EQ(json["state"], "coasting");
   EXPECT_EQ(json["position"][2], 3);
   EXPECT_EQ(json["sigma"][2], 0.5);
+  EXPECT_NEAR(json["tracking_latency"], 0.003, 1e-9);
   EXPECT_TRUE(json["sigma"][0].is_null());
 }
 

@@ -17,6 +17,20 @@ using testing::AllOf;
 using testing::EndsWith;
 using testing::HasSubstr;
 
+TEST(LatencyHistogram, KnowsItsQuantiles) {
+  LatencyHistogram histogram;
+  EXPECT_TRUE(std::isnan(histogram.snapshot().quantile_s(0.5)));
+  for (int i = 0; i < 3; ++i) histogram.add(900us);  // 0.8 .. 1 ms
+  histogram.add(4ms);                                // 3 .. 5 ms
+  const auto snapshot = histogram.snapshot();
+  EXPECT_DOUBLE_EQ(snapshot.quantile_s(0), 0);
+  EXPECT_DOUBLE_EQ(snapshot.quantile_s(0.375), 0.0009);  // the middle of the bucket
+  EXPECT_DOUBLE_EQ(snapshot.quantile_s(0.75), 0.001);
+  EXPECT_DOUBLE_EQ(snapshot.quantile_s(1), 0.005);
+  for (int i = 0; i < 4; ++i) histogram.add(5s);
+  EXPECT_DOUBLE_EQ(histogram.snapshot().quantile_s(0.9), 1.0);
+}
+
 TEST(LatencyHistogram, PutsABoundIntoTheBucketThatItEnds) {
   LatencyHistogram histogram;
   histogram.add(10us);

@@ -20,7 +20,8 @@ std::string text_of(const Crop& crop);  // "[640, 0, 640, 480]", as in files
 // chroma need even columns, those whose rows do (4:2:0) even rows.
 std::string problem_of(const Crop& crop, PixelFormat format, int width, int height);
 
-// That part, of the same owner and without a copy. throws std::invalid_argument: problem_of()
+// That part, without a copy; of a compressed image it is decoded on demand, too, and its eighth() has the blocks that
+// lie wholly in it. throws std::invalid_argument: problem_of()
 Image cropped(const Image& image, const Crop& crop);
 
 }  // namespace huetrack::capture

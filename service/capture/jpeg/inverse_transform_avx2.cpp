@@ -24,10 +24,13 @@ struct Avx2 {  // a lane for each of two blocks
   static Register high32(Register a, Register b) { return _mm256_unpackhi_epi32(a, b); }
   static Register low64(Register a, Register b) { return _mm256_unpacklo_epi64(a, b); }
   static Register high64(Register a, Register b) { return _mm256_unpackhi_epi64(a, b); }
-  static Register multiply_add(Register a, Register b) { return _mm256_madd_epi16(a, b); }
   static Register pack32(Register a, Register b) { return _mm256_packs_epi32(a, b); }
   static Register all32(int a) { return _mm256_set1_epi32(a); }
-  static Register pairs(int a, int b) { return all32(pair_of_16_bits(a, b)); }
+  static void products(Register x, Register y, int a, int b, Register& low, Register& high) {
+    const Register both = all32(pair_of_16_bits(a, b));
+    low = _mm256_madd_epi16(low16(x, y), both);
+    high = _mm256_madd_epi16(high16(x, y), both);
+  }
   template <int n>
   static Register shift32(Register a) {
     return _mm256_srai_epi32(a, n);

@@ -24,12 +24,13 @@ constexpr Rotation sums{fix_1_175 - fix_1_961, fix_1_175, fix_1_175, fix_1_175 -
 constexpr Rotation outer{fix_0_298 - fix_0_899, -fix_0_899, -fix_0_899, fix_1_501 - fix_0_899};  // 7, 1
 constexpr Rotation inner{fix_2_053 - fix_2_562, -fix_2_562, -fix_2_562, fix_3_072 - fix_2_562};  // 5, 3
 
-// The 16-bit numbers a, b as V::multiply_add() takes them.
+// The 16-bit numbers a, b in one of 32 bits, as pmaddwd takes them.
 constexpr int pair_of_16_bits(int a, int b) {
   return static_cast<int>((static_cast<unsigned>(b) << 16) | (static_cast<unsigned>(a) & 0xFFFFU));
 }
 
 // V: a register of 16-bit numbers in lanes of eight, each lane a row of one block, and its operations (in lanes).
+// V::products(x, y, a, b, low, high): x a + y b as numbers of 32 bits, of each lane's lower and upper half.
 template <typename V>
 class RowTransform {
  public:
@@ -97,10 +98,10 @@ class RowTransform {
   };
 
   [[gnu::always_inline]] static Rotated rotated(Register x, Register y, const Rotation& r) {
-    const Register low = V::low16(x, y), high = V::high16(x, y);
-    const Register first = V::pairs(r.a, r.b), second = V::pairs(r.c, r.d);
-    return {{V::multiply_add(low, first), V::multiply_add(high, first)},
-            {V::multiply_add(low, second), V::multiply_add(high, second)}};
+    Rotated out;
+    V::products(x, y, r.a, r.b, out.first.low, out.first.high);
+    V::products(x, y, r.c, r.d, out.second.low, out.second.high);
+    return out;
   }
   [[gnu::always_inline]] static Wide scaled(Register x) {
     const Register zero = V::all32(0);

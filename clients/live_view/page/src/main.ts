@@ -174,6 +174,13 @@ function explain(card: HTMLElement): void {
   for (const term of card.querySelectorAll("dt")) term.parentElement!.title = meanings[term.textContent!] ?? "";
 }
 
+// processing: from the arrival of the pictures' last byte on, s.
+function explainLatency(card: HTMLElement, processing: number | null): void {
+  const title = meanings.Latency + (processing === null ? "" : `; ${(processing * 1000).toFixed(1)} ms of it after the last byte of the pictures had arrived`);
+  const figure = card.querySelector(".latency")!.parentElement!;
+  if (figure.title !== title) figure.title = title;
+}
+
 function cardOf(name: string): HTMLElement {
   const list = $("targets");
   for (const card of list.children) if ((card as HTMLElement).dataset.target === name) return card as HTMLElement;
@@ -260,6 +267,7 @@ function updateTargets(): void {
     text(".views", fresh ? `${latest.views} of ${latest.per_view.length}` : "–");
     text(".confidence", fresh ? `${Math.round(latest.confidence * 100)} %` : "–");
     text(".latency", fresh && Math.abs(latest.latency) < otherClock ? `${(latest.latency * 1000).toFixed(1)} ms` : "–");
+    explainLatency(card, fresh ? latest.tracking_latency : null);
     const issues = fresh ? issuesOf(latest, has ? sample.sigma : NaN) : [];
     for (const figure of ["sigma", "views", "confidence", "latency"] as const) {
       const level = issues.find((d) => d.figure === figure)?.level ?? "";
@@ -352,6 +360,7 @@ function updateTrackedCameras(): void {
     text(".map", fresh ? String(latest.map_points) : "–");
     text(".confidence", fresh ? `${Math.round(latest.confidence * 100)} %` : "–");
     text(".latency", fresh ? `${(latest.latency * 1000).toFixed(1)} ms` : "–");
+    explainLatency(card, fresh ? latest.tracking_latency : null);
     if (fresh) announceState(`camera ${name}`, latest.state);
     const details = card.querySelector("details")!;
     details.hidden = !map || map.points.length === 0;

@@ -15,7 +15,7 @@ export interface Position {
   particles: number;
   ess: number;
   latency: number;
-  tracking_latency: number;
+  tracking_latency: number; // of it, from the arrival of the pictures' last byte on
   per_view: { camera: string; delivered: boolean; seen: boolean; support: number; residual_px: number }[];
 }
 
@@ -32,6 +32,7 @@ export interface CameraPose {
   map_points: number;
   confidence: number;
   latency: number;
+  tracking_latency: number;
 }
 
 export interface CameraMapPoint {

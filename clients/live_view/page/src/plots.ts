@@ -63,6 +63,7 @@ const plots: Plot[] = [
   { title: "Uncertainty, 1σ", perTrack: true, unit: "mm", means: "Standard deviation along the largest axis, the most uncertain direction", zero: true, least: 5, series: perTrack((s) => s.sigma * 1000) },
   { title: "Speed", perTrack: true, unit: "m/s", means: "Speed of each object", zero: true, least: 0.5, series: perTrack((s) => s.speed) },
   { title: "Latency", perTrack: true, unit: "ms", means: "From the capture of the picture to the publication of the position", zero: true, least: 5, series: perTrack((s) => s.latency * 1000) },
+  { title: "Latency from arrival", perTrack: true, unit: "ms", means: "From the arrival of the last byte of the pictures to the publication of the position: decoding and tracking", zero: true, least: 5, series: perTrack((s) => s.processing * 1000) },
   {
     title: "Residual of each camera",
     unit: "px",

@@ -10,6 +10,7 @@ export interface Sample {
   sigma: number; // largest axis, m; NaN without a position
   speed: number;
   latency: number;
+  processing: number; // s, the part of the latency from the arrival of the pictures' last byte on
   residual: number; // px, of the worst view; NaN: none, or of a camera
   features: number; // matched; NaN of a target
 }
@@ -97,6 +98,7 @@ export function takePosition(sample: Position): void {
     sigma: largestSigma(sample.covariance),
     speed: length(sample.velocity),
     latency: sample.latency,
+    processing: sample.tracking_latency,
     residual: largestResidual(sample),
     features: NaN,
   });
@@ -176,6 +178,7 @@ export function takeCameraPose(sample: CameraPose): void {
     sigma: p ? Math.max(...sample.sigma.map((s) => s ?? NaN)) : NaN,
     speed: before && sample.t > before.t ? moved / (sample.t - before.t) : NaN,
     latency: sample.latency,
+    processing: sample.tracking_latency,
     residual: NaN,
     features: sample.features_matched,
   });
