@@ -31,7 +31,7 @@ void print_hue(const object_tracking::TargetOptions& target) {
   std::printf("# %s: ", target.name.c_str());
   if (isatty(STDOUT_FILENO) != 0)
     std::printf("\033[48;2;%d;%d;%dm    \033[0m ", byte(middle.r), byte(middle.g), byte(middle.b));
-  const std::string opencv = color::opencv_hue_text(target.color);
+  const std::string opencv = color::other_unit_text(target.color);
   std::printf("%s%s%s\n", color::hue_text(target.color).c_str(), opencv.empty() ? "" : "; ", opencv.c_str());
 }
 
