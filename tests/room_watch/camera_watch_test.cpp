@@ -54,6 +54,20 @@ TEST(CameraWatch, APersonWalkingThroughIsNoKnock) {
   EXPECT_THAT(states_of(film, 9), testing::ElementsAre(RoomState::still));
 }
 
+// Before plain walls a passer-by is all that has texture while the room is learnt. Nothing covers the camera
+// afterwards.
+TEST(CameraWatch, WhatMovedWhileTheRoomWasLearntIsNoRoom) {
+  Film film;
+  film.texture = 0;
+  film.person = [](double t) {
+    const double left = 0.1 + 0.25 * t;
+    return std::pair(left, left + 0.9);
+  };
+  const std::set<RoomState> states = states_of(film, 9);
+  EXPECT_FALSE(states.contains(RoomState::blinded));
+  EXPECT_FALSE(states.contains(RoomState::hidden));
+}
+
 struct Knock {
   double deg;
   capture::PixelFormat format;
