@@ -4,6 +4,7 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "calib/exchange/exchanged_camera.h"
@@ -45,8 +46,57 @@ Middle middle_of(const std::vector<calib::Camera>& cameras) {
   return middle;
 }
 
+// What a file may mean by its poses instead of cam_from_world in our axes.
 void invert_poses(std::vector<calib::Camera>& cameras) {
   for (calib::Camera& camera : cameras) camera.cam_from_world = calib::inverse(camera.cam_from_world);
+}
+
+void turn_opengl_axes(std::vector<calib::Camera>& cameras) {
+  const calib::Rigid3d about_x{Eigen::Quaterniond(0, 1, 0, 0), Eigen::Vector3d::Zero()};
+  for (calib::Camera& camera : cameras) camera.cam_from_world = about_x * camera.cam_from_world;
+}
+
+// Whether there is a place that all cameras see, however far away; lens distortion aside.
+bool see_a_place(const std::vector<calib::Camera>& cameras, double widest) {
+  constexpr int steps = 8;  // layout: places across the first camera's picture; distances, each twice the last
+  const calib::Camera& first = cameras.front();
+  const calib::Rigid3d world_from_first = calib::inverse(first.cam_from_world);
+  const auto is_seen_by = [](const calib::Camera& camera, const Eigen::Vector3d& place) {
+    const Eigen::Vector3d p = camera.cam_from_world * place;
+    const double u = camera.model.fx() * p.x() / p.z() + camera.model.cx();
+    const double v = camera.model.fy() * p.y() / p.z() + camera.model.cy();
+    return p.z() > 0 && u >= 0 && v >= 0 && u < camera.image_size.width && v < camera.image_size.height;
+  };
+  for (int i = 0; i < steps * steps * steps; ++i) {
+    const double u = (i % steps + 0.5) / steps * first.image_size.width;
+    const double v = (i / steps % steps + 0.5) / steps * first.image_size.height;
+    const double far = widest / 4 * std::exp2(i / (steps * steps));
+    const Eigen::Vector3d place =
+        world_from_first * Eigen::Vector3d(far * (u - first.model.cx()) / first.model.fx(),
+                                           far * (v - first.model.cy()) / first.model.fy(), far);
+    if (std::ranges::all_of(cameras, [&](const calib::Camera& camera) { return is_seen_by(camera, place); }))
+      return true;
+  }
+  return false;
+}
+
+// Cameras that see no place in common, but do with OpenGL's axes, perhaps of inverted poses: the file is of that kind.
+void check_axes(const std::vector<calib::Camera>& cameras, const ImportOptions& options, Imported& out) {
+  if (options.has_opengl_axes || see_a_place(cameras, middle_of(cameras).widest)) return;
+  for (const bool inverts : {false, true}) {
+    std::vector<calib::Camera> other = cameras;
+    if (inverts) invert_poses(other);
+    turn_opengl_axes(other);
+    const Middle middle = middle_of(other);
+    if (!middle.is_in_all_pictures || (inverts && options.inverts_poses)) continue;
+    out.is_doubtful = true;
+    out.notes.push_back(fmt::format(
+        "the cameras see no place in common; with the axes of OpenGL, Blender or NeRF (y up, z backwards; "
+        "--camera-axes opengl{}) they are up to {:.3f} m apart and look at a place {:.2f} m away: the file is probably "
+        "of that kind",
+        inverts ? " --inverted-poses" : "", middle.widest, middle.distance));
+    return;
+  }
 }
 
 // Where the cameras are, for a person to recognise a wrong unit and inverted poses: world_from_cam where cam_from_world
@@ -84,6 +134,7 @@ Imported import_rig(std::span<const std::filesystem::path> files, const ImportOp
   Imported out = files.size() == 1 && bags::is_bag(file) ? import_bag(file, options) : imported_from(files, options);
   for (calib::Camera& camera : out.rig.cameras) camera.cam_from_world.translation *= options.metres_per_unit;
   if (options.inverts_poses) invert_poses(out.rig.cameras);
+  if (options.has_opengl_axes) turn_opengl_axes(out.rig.cameras);
   const double widest = middle_of(out.rig.cameras).widest;
   constexpr double widest_rig_m = 50;  // a wider rig is probably in millimetres
   if (widest > widest_rig_m) {
@@ -92,6 +143,7 @@ Imported import_rig(std::span<const std::filesystem::path> files, const ImportOp
         fmt::format("the cameras are up to {:.0f} m apart: if the file is in millimetres, give --unit mm", widest));
   }
   if (out.rig.cameras.size() > 1) check_placement(out.rig.cameras, options.inverts_poses, out);
+  if (out.rig.cameras.size() > 1 && !out.is_doubtful) check_axes(out.rig.cameras, options, out);
   require_valid(out.rig, file);
   return out;
 }

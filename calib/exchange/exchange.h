@@ -49,12 +49,13 @@ struct ImportOptions {
   std::vector<std::pair<std::string, std::string>> keys{};
   std::string distortion_model{};  // replaces the file's, as radtan or equidistant; empty: the file's, else radtan
   bool inverts_poses = false;      // the file's poses are world_from_cam where cam_from_world is expected
+  bool has_opengl_axes = false;    // its cameras look along -z, with y up, as those of OpenGL, Blender and NeRF
 };
 
 struct Imported {
   calib::CameraRig rig;
   std::vector<std::string> notes;  // ignored content and other remarks, one line each
-  bool is_doubtful = false;        // the poses are probably inverted; a note says so
+  bool is_doubtful = false;        // the poses are probably inverted, or of OpenGL's axes; a note says so
 };
 
 // files: one, or those that belong together (intrinsics and extrinsics, or one per camera). The tool is recognised by

@@ -16,6 +16,7 @@
 #include "calib/gather/motion_blur.h"
 #include "calib/gather/progress_line.h"
 #include "calib/model/median.h"
+#include "calib/solver/intrinsics.h"
 
 namespace huetrack::gather {
 namespace {
@@ -138,6 +139,19 @@ std::vector<std::pair<std::string, std::string>> without_boards(const FoundBoard
     without.emplace_back(camera.name, text);
   }
   return without;
+}
+
+// A board file that fits a part of the board, or something else, in a few images: what the others show. Empty: nothing.
+std::string doubt_of_misses(const FoundBoards& found, const board::Board& board, const Misses& misses) {
+  static const int few = solver::IntrinsicsOptions{}.min_views;
+  for (std::size_t c = 0; c < found.cameras.size(); ++c) {
+    const PictureTally& camera = found.cameras[c];
+    if (camera.boards == 0 || camera.boards >= few) continue;
+    if (const std::string guess = board::explain_missing_board(board, misses.of(c)); !guess.empty())
+      return fmt::format("camera {}: the board ({}) is in only {} of its {} images; of the others: {}", camera.name,
+                         board.description(), camera.boards, camera.pictures, guess);
+  }
+  return {};
 }
 
 // Appends warnings, which may be the reason: damaged files.
@@ -272,7 +286,9 @@ void require_views(const FoundBoards& found, int least) {
     const std::string why = reasons(camera);
     throw InputError("camera " + camera.name + ": only " + std::to_string(views) + (views == 1 ? " view" : " views") +
                      " of the board, from " + std::to_string(camera.pictures) + " images" +
-                     (why.empty() ? "" : "; in most others " + why) + ". At least " + std::to_string(least) +
+                     (why.empty() ? "" : "; in most others " + why) +
+                     (found.board_doubt.empty() ? "" : "; " + found.board_doubt) + ". At least " +
+                     std::to_string(least) +
                      " are needed, some 15 with the board tilted and in all parts of the image are good");
   }
 }
@@ -347,6 +363,7 @@ FoundBoards find_boards(PictureSource& source, const board::BoardDetector& detec
   evidence.refuse_wrong_board();
   found.board = evidence.board();
   found.board_doubt = evidence.doubt();
+  if (found.board_doubt.empty()) found.board_doubt = doubt_of_misses(found, detector.board(), misses);
   found.without_boards = without_boards(found, detector.board(), misses);
   if (!found.without_boards.empty() && found.without_boards.size() + options.least_cameras > found.cameras.size())
     throw InputError(with_first(found.warnings, found.without_boards.front().second));

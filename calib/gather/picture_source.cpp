@@ -11,6 +11,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "calib/files/config_error.h"
+#include "calib/files/files_beside.h"
 #include "calib/files/text_file.h"
 #include "calib/gather/image_files.h"
 #include "capture/frames/crop.h"
@@ -256,7 +257,8 @@ std::unique_ptr<PictureSource> open_named(const NamedInputs& inputs, const Pictu
       } else if (fs::is_directory(path, error)) {
         throw InputError(frames + ": holds no images" + unreadable_pictures(path));
       } else {
-        throw InputError(frames + ": no such file or folder, and no image matches this pattern");
+        throw InputError(frames + ": no such file or folder, and no image matches this pattern" +
+                         files::files_beside(path));
       }
     }
   }
@@ -357,7 +359,8 @@ std::unique_ptr<PictureSource> open_pictures(std::span<const std::string> inputs
     }
     std::error_code error;
     if (!fs::exists(input, error)) {
-      throw InputError(input + ": no such file or folder; give a recording, or NAME=FRAMES for each camera");
+      throw InputError(input + ": no such file or folder; give a recording, or NAME=FRAMES for each camera" +
+                       files::files_beside(input));
     }
     if (inputs.size() > 1)
       throw InputError(input + ": which camera is this? Give NAME=" + input + ", or a recording alone");

@@ -10,6 +10,7 @@
 #include "calib/gather/picture_source.h"
 #include "calib/model/rig_yaml.h"
 #include "calib/program/commands.h"
+#include "calib/program/outcome.h"
 
 namespace huetrack::program {
 namespace {
@@ -20,6 +21,8 @@ struct ImportCommand {
   std::vector<std::string> keys;
   std::string from, size, unit = "m", distortion_model;
   bool has_inverted_poses = false;
+  std::string axes = "opencv";
+  bool overwrite = false;
   std::filesystem::path rig;
 };
 
@@ -67,12 +70,16 @@ ExitStatus import(const ImportCommand& command) {
   options.keys = renamings_of(command.keys);
   options.distortion_model = command.distortion_model;
   options.inverts_poses = command.has_inverted_poses;
+  options.has_opengl_axes = command.axes == "opengl";
   const exchange::Imported imported = exchange::import_rig(command.files, options);
-  calib::write_rig(imported.rig, command.rig);
   print_notes(imported.notes);
-  std::printf("%s: %zu camera%s\n", command.rig.c_str(), imported.rig.cameras.size(),
+  const report::Verdict verdict = imported.is_doubtful ? report::Verdict::doubtful : report::Verdict::usable;
+  const std::filesystem::path written = place_for(verdict, command.rig, command.overwrite);
+  calib::write_rig(imported.rig, written);
+  std::printf("%s: %zu camera%s\n", written.c_str(), imported.rig.cameras.size(),
               imported.rig.cameras.size() == 1 ? "" : "s");
-  return ExitStatus::usable;
+  if (imported.is_doubtful) std::printf("doubtful: the last note says why\n");
+  return status_of(verdict);
 }
 
 struct ExportCommand {
@@ -135,6 +142,11 @@ void add_exchange_commands(CLI::App& app, Command& chosen) {
       "instead of the file's: plumb_bob, radtan, rational_polynomial, equidistant, fisheye, none");
   import_command->add_flag("--inverted-poses", in->has_inverted_poses,
                            "the file's poses are world_from_cam, not cam_from_world");
+  import_command
+      ->add_option("--camera-axes", in->axes,
+                   "of the file's cameras: opencv (default: y down, z forwards) or opengl (y up, z backwards)")
+      ->check(CLI::IsMember({"opencv", "opengl"}));
+  import_command->add_flag("--overwrite", in->overwrite, "a doubtful result may replace an existing rig");
   import_command->callback([in, &chosen] { chosen = [in](const std::stop_token&) { return import(*in); }; });
 
   const auto out = std::make_shared<ExportCommand>();

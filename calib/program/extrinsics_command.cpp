@@ -132,6 +132,17 @@ void refuse_repeated(const std::vector<std::string>& cameras) {
   }
 }
 
+// An error names what the images say against the board file, too.
+solver::Extrinsics calibrated(const gather::FoundBoards& all, const std::vector<solver::CameraToCalibrate>& cameras,
+                              const solver::ExtrinsicsOptions& solve) {
+  try {
+    return solver::calibrate_extrinsics(all.board, cameras, all.views, solve);
+  } catch (const solver::CalibrationError& error) {
+    if (all.board_doubt.empty()) throw;
+    throw gather::InputError(report::with_advice(error) + "; " + all.board_doubt);
+  }
+}
+
 ExitStatus calibrate(const ExtrinsicsArguments& options, const std::stop_token& stop) {
   require_folders(output_files(options));
   refuse_repeated(options.cameras);
@@ -155,7 +166,7 @@ ExitStatus calibrate(const ExtrinsicsArguments& options, const std::stop_token& 
   solve.intrinsics.lens = options.lens;
   solve.leave_out = true;
   solve.progress = line.progress();
-  solver::Extrinsics result = solver::calibrate_extrinsics(all.board, cameras, all.views, solve);
+  solver::Extrinsics result = calibrated(all, cameras, solve);
   line.draw("writing the report");
   const std::vector<report::CameraLeftOut> left_out = left_out_of(all, result);
   const gather::FoundBoards found = kept_of(std::move(all), result);

@@ -42,8 +42,9 @@ std::string advice(const solver::Reason& reason) {
     case solver::Fault::unconnected_cameras:
       return "Wave it where both see it";
     case solver::Fault::contradicting_motion:
-      return "is its colour seen on anything else that moves? Give a rig with approximate poses, or wave for longer, "
-             "through the whole volume";
+      return "is its colour seen on anything else that moves? Wave for longer, through the whole volume, or begin with "
+             "a "
+             "rig of approximate poses";
     case solver::Fault::unplaced_camera:
       return "Wave the ball where it and two other cameras see it at once";
     case solver::Fault::wrong_poses:

@@ -62,25 +62,16 @@ std::string utc(truth::Timestamp at) {
                      ms.count() % 1000);
 }
 
-// "0.000 to 3.300 s". times: not empty.
-std::string span_of(const std::vector<truth::Timestamp>& times) {
-  const auto [first, last] = std::ranges::minmax(times);
-  const auto seconds = [](truth::Timestamp at) { return std::chrono::duration<double>(at.time_since_epoch()).count(); };
-  return fmt::format("{:.3f} to {:.3f} s", seconds(first), seconds(last));
-}
-
 [[noreturn]] void fail_without_comparison(const std::vector<ChartTarget>& targets, const truth::Truth& truth,
                                           bool is_shifted) {
-  std::vector<truth::Timestamp> of_tracks, of_truth;
+  std::vector<truth::Timestamp> times;
+  std::vector<std::string> names;
   for (const ChartTarget& target : targets) {
-    for (const TrackRow& row : target.rows) of_tracks.push_back(row.at);
-    if (target.truth == nullptr) continue;
-    for (const auto& sample : truth.targets().at(target.name)) of_truth.push_back(sample.at);
+    names.push_back(target.name);
+    for (const TrackRow& row : target.rows) times.push_back(row.at);
   }
-  throw std::runtime_error(fmt::format(
-      "nothing can be compared: the tracks are at {}, the truth at {}{}; --clock-offset says how many seconds the "
-      "tracks' clock is ahead of the truth's",
-      span_of(of_tracks), span_of(of_truth), is_shifted ? " with this --clock-offset" : ""));
+  const auto [first, last] = std::ranges::minmax(times);
+  throw std::runtime_error(truth.apart_text(names, first, last, is_shifted));
 }
 
 // The truth of these targets on their clock; reports targets without one.

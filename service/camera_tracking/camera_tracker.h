@@ -81,6 +81,8 @@ class CameraTracker {
 
   // Frames of this camera in time order, of the rig's image size. Camera::cam_from_world is not used.
   virtual CameraEstimate update(const capture::Frame& frame) = 0;
+  // The next frame does not continue the last one: the camera is somewhere else. The map is kept.
+  virtual void begin_anew() = 0;
   // The following refer to the last update.
   virtual std::string why_no_pose() const { return {}; }  // for the user; empty: there is a pose, or no known reason
   virtual CameraTrackerInside inside() const = 0;

@@ -41,16 +41,24 @@ Rgb middle_of(const HsiRange& range) {
   return hue_deg < 120 ? Rgb{a, b, c} : hue_deg < 240 ? Rgb{c, a, b} : Rgb{b, c, a};
 }
 
-std::string hue_text(const HsiRange& range) {
-  if (range.hue_min_deg == 0 && range.hue_max_deg == 360) return "hue_deg [0, 360] is any hue";
-  return fmt::format("hue_deg [{:.0f}, {:.0f}] is {}", range.hue_min_deg, range.hue_max_deg, named(range));
+bool is_share_of_circle(const HsiRange& range) {
+  return range.hue_min_deg <= range.hue_max_deg && range.hue_max_deg <= 1;
 }
 
-std::string opencv_hue_text(const HsiRange& range) {
+std::string hue_text(const HsiRange& range) {
+  if (range.hue_min_deg == 0 && range.hue_max_deg == 360) return "hue_deg [0, 360] is any hue";
+  const int digits = is_share_of_circle(range) ? 2 : 0;
+  return fmt::format("hue_deg [{:.{}f}, {:.{}f}] is {}", range.hue_min_deg, digits, range.hue_max_deg, digits,
+                     named(range));
+}
+
+std::string other_unit_text(const HsiRange& range) {
   if (range.hue_min_deg > range.hue_max_deg || range.hue_max_deg >= 180) return {};
+  const bool is_of_circle = is_share_of_circle(range);
   HsiRange meant = range;
-  meant.hue_min_deg *= 2, meant.hue_max_deg *= 2;
-  return fmt::format("if the numbers are from OpenCV, whose hue is 0 to 179, write [{:.0f}, {:.0f}], {}",
+  meant.hue_min_deg *= is_of_circle ? 360 : 2, meant.hue_max_deg *= is_of_circle ? 360 : 2;
+  return fmt::format("if the numbers are {}, write [{:.0f}, {:.0f}], {}",
+                     is_of_circle ? "shares of the circle, 0 to 1" : "from OpenCV, whose hue is 0 to 179",
                      meant.hue_min_deg, meant.hue_max_deg, named(meant));
 }
 

@@ -15,7 +15,11 @@ Rgb middle_of(const HsiRange& range);
 
 std::string hue_text(const HsiRange& range);  // "hue_deg [33, 57] is orange to yellow (#c39d2f)"
 
-// What to write if the numbers are OpenCV's hue, 0 to 179 in units of two degrees; empty where they cannot be.
-std::string opencv_hue_text(const HsiRange& range);
+// The hue is one degree wide at most, from 0 to 1: probably shares of the circle.
+bool is_share_of_circle(const HsiRange& range);
+
+// What to write if the numbers are OpenCV's hue, 0 to 179 in units of two degrees, or shares of the circle; empty where
+// they cannot be.
+std::string other_unit_text(const HsiRange& range);
 
 }  // namespace huetrack::color

@@ -1,6 +1,7 @@
 #include "config/config_check.h"
 #include "calib/files/nearest_word.h"
 #include "capture/network_source.h"
+#include "color/color_name.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -369,6 +370,9 @@ std::vector<std::string> warnings_of(const ServiceConfig& config) {
   if (!unit.empty()) warnings.push_back(std::move(unit));
   for (const auto& target : config.targets) {
     const color::HsiRange& c = target.color;
+    if (is_taught(target) && color::is_share_of_circle(c))
+      warnings.push_back(fmt::format("target {}: its hue_deg [{:g}, {:g}] is one degree wide at most; {}", target.name,
+                                     c.hue_min_deg, c.hue_max_deg, color::other_unit_text(c)));
     constexpr double widest_paint_deg = 180;
     if (c.hue_min_deg > c.hue_max_deg && hue_width_deg(c) > widest_paint_deg)
       warnings.push_back(fmt::format("target {}: its hue runs from {:g} through red to {:g}, {:g} degrees in all; {}",

@@ -31,7 +31,7 @@ void print_hue(const object_tracking::TargetOptions& target) {
   std::printf("# %s: ", target.name.c_str());
   if (isatty(STDOUT_FILENO) != 0)
     std::printf("\033[48;2;%d;%d;%dm    \033[0m ", byte(middle.r), byte(middle.g), byte(middle.b));
-  const std::string opencv = color::opencv_hue_text(target.color);
+  const std::string opencv = color::other_unit_text(target.color);
   std::printf("%s%s%s\n", color::hue_text(target.color).c_str(), opencv.empty() ? "" : "; ", opencv.c_str());
 }
 
@@ -145,6 +145,18 @@ void align(Tracks& tracks, const tracks::Truth& truth, const CompareCommand& com
     }
 }
 
+// throws std::runtime_error: no estimate of a target is at a time of its truth.
+void require_common_times(const Tracks& tracks, const tracks::Truth& truth, const std::vector<std::string>& targets,
+                          const CompareCommand& command) {
+  capture::Timestamp first = capture::Timestamp::max(), last = capture::Timestamp::min();
+  for (const auto& [target, track] : tracks)
+    for (const object_tracking::ObjectEstimate& estimate : track) {
+      if (truth.position(target, estimate.at)) return;
+      first = std::min(first, estimate.at), last = std::max(last, estimate.at);
+    }
+  throw std::runtime_error(truth.apart_text(targets, first, last, command.clock_offset_s != 0));
+}
+
 }  // namespace
 
 void compare(const CompareCommand& command) {
@@ -155,6 +167,9 @@ void compare(const CompareCommand& command) {
   for (const auto& sentence : truth.match(targets)) spdlog::warn("{}: {}", command.truth.string(), sentence);
   for (auto& [_, track] : tracks)
     for (object_tracking::ObjectEstimate& estimate : track) estimate.at -= capture::duration_of(command.clock_offset_s);
+  if (std::ranges::none_of(targets, [&](const std::string& name) { return truth.targets().contains(name); }))
+    throw std::runtime_error(command.truth.string() + ": has none of the targets of " + command.tracks.string());
+  require_common_times(tracks, truth, targets, command);
   align(tracks, truth, command);
   for (const auto& [target, track] : tracks) {
     if (!truth.targets().contains(target)) continue;

@@ -146,8 +146,10 @@ void add_replay_command(CLI::App& app, Command& chosen) {
                     "no progress bar, and of the summary only warnings and mistakes, to stderr");
   command->add_flag(
       "--strict", options->is_strict,
-      "exit status 3 if the tracks show a mistake in rig or configuration (lines `mistake` of the summary), a camera "
-      "was moved, blinded or hidden (lines `cameras`), or a colour left its range (lines `light`)");
+      "exit status 3 if the tracks show a mistake in rig or configuration (lines `mistake` of the summary), a target "
+      "was "
+      "never tracked, a camera was moved, blinded or hidden (lines `cameras`), or a colour left its range (lines "
+      "`light`)");
   const auto reload = [options](int code) {
     if (code == SI_KERNEL) return true;  // not kill -HUP: its terminal is gone
     options->reload = true;
@@ -206,8 +208,15 @@ void add_setup_command(CLI::App& app, Command& chosen) {
       ->add_option("--fov", options->setup.fov_deg,
                    "degrees that the picture of a single camera is wide; without it 60 is assumed")
       ->check(CLI::Range(10.0, 160.0));
+  command->add_option("--film", options->setup.film,
+                      "instead: write the configuration for this film of one camera that is not calibrated");
   on_choice(*command, chosen,
-            [options](const std::stop_token& stop) { set_up(options->setup, options->requests, stop); },
+            [options](const std::stop_token& stop) {
+              if (options->setup.film.empty())
+                set_up(options->setup, options->requests, stop);
+              else
+                set_up_film(options->setup, stop);
+            },
             {{SIGHUP, ask(options->requests.reload)}, {SIGUSR1, ask(options->requests.save)}});
 }
 

@@ -254,12 +254,10 @@ constexpr double usual_search_s = 0.5;
 
 // Advice for a target that was tracked, but may be something else.
 std::string doubt_advice(const TargetSummary& summary, const object_tracking::TargetOptions& target) {
-  std::uint64_t all = 0, tracked = 0;
-  for (const auto& [state, count] : summary.sets)
-    all += count, tracked += state == object_tracking::TrackState::tracking ? count : 0;
-  if (tracked == 0) return {};
-  const std::string seldom = reports::seldom_advice(double(tracked) / double(all), target);
-  return seldom.empty() ? reports::unsure_advice(double(summary.unsure_sets) / double(tracked), target) : seldom;
+  const reports::TrackedSets& sets = summary.tracked;
+  if (sets.tracked() == 0) return {};
+  const std::string seldom = reports::seldom_advice(double(sets.tracked()) / double(sets.all()), target);
+  return seldom.empty() ? reports::unsure_advice(double(sets.unsure()) / double(sets.tracked()), target) : seldom;
 }
 
 // Where the rig does not explain the views: cameras whose files turn their pictures by a tag. Empty: none.
@@ -274,10 +272,19 @@ std::string turned_text(const recordings::ReplaySource& source) {
       fmt::join(turned, " and "), turned.size() == 1 ? "the file" : "their files");
 }
 
-// Why no colour can be found. Empty: some camera's pictures have colours.
-std::string grey_text(const recordings::ReplaySource& source) {
-  if (!std::ranges::all_of(source.cameras(), &recordings::ReplayCamera::is_grey)) return {};
-  return "the pictures of all cameras are grey, so no colour can be found in them: record in colour";
+// Cameras that see no target because their pictures have no colour. Empty: none; the tracked camera needs none.
+std::string grey_text(const recordings::ReplaySource& source, const config::ServiceConfig& config) {
+  if (config.targets.empty()) return {};
+  std::vector<std::string> grey;
+  std::size_t looking = 0;
+  for (const auto& camera : source.cameras()) {
+    if (config.camera_tracking.camera == camera.name) continue;
+    ++looking;
+    if (camera.is_grey) grey.push_back(camera.name);
+  }
+  if (grey.empty()) return {};
+  return fmt::format("the pictures of {} are grey, so no colour can be found in them: record in colour",
+                     grey.size() == looking && looking > 1 ? "all cameras" : fmt::to_string(fmt::join(grey, " and ")));
 }
 
 // config: in force at the end. figures: after the run
@@ -309,8 +316,6 @@ ReplaySummary summary_of(const config::ServiceConfig& config, const ReplayComman
       if (target.advice.empty()) target.advice = doubt_advice(target, config.targets[t]);
       continue;
     }
-    target.advice = grey_text(source);
-    if (!target.advice.empty()) continue;
     target.advice =
         config::is_taught(config.targets[t])
             ? reports::search_advice(figures.searches[t], config.targets[t], cameras, do_views_contradict)
@@ -382,10 +387,13 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
     summary.mistakes.push_back(turned);
   const std::string unit_mistake = config::unit_mistake(config);
   if (!unit_mistake.empty()) summary.mistakes.push_back(unit_mistake);
+  const std::string grey = grey_text(playback.source(), session.config());
+  if (!grey.empty()) summary.mistakes.push_back(grey);
   // Advice about the search would mislead next to a mistake that explains the problem.
   for (TargetSummary& target : summary.targets) {
     const bool is_tracked = target.first_tracking_set.has_value();
-    if (!unit_mistake.empty() || (is_tracked && !summary.mistakes.empty()) || reports.mistakes.has_explained_rig())
+    if (!unit_mistake.empty() || !grey.empty() || (is_tracked && !summary.mistakes.empty()) ||
+        reports.mistakes.has_explained_rig())
       target.advice.clear();
   }
   summary.clutter = reports.objects.summary();

@@ -73,7 +73,7 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop);
 
 // The summary for people, several lines; problems_text() is last.
 std::string to_text(const ReplaySummary& summary, const ReplayCommand& command);
-// For --strict: a mistake, or positions that were wrong or missing for a known reason.
+// For --strict: a mistake, a target that was never tracked, or positions that were wrong or missing for a known reason.
 bool has_trouble(const ReplaySummary& summary);
 // Its lines about warnings and mistakes; empty: none.
 std::string problems_text(const ReplaySummary& summary);

@@ -1,9 +1,11 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstdlib>
 
 #include "calib/files/text_file.h"
 #include "daemon/replay.h"
+#include "view_watch/view_watch.h"
 
 namespace huetrack::daemon {
 namespace {
@@ -80,9 +82,11 @@ std::string target_text(const TargetSummary& target) {
   if (!target.color.empty()) text += "          " + target.color + "\n";
   if (target.objects > 0)
     text += fmt::format("          objects found: {}, at most {} at once\n", target.objects, target.most_objects);
-  if (target.outlines.radius_m)
-    text += fmt::format("          radius by its outlines: {:.1f} +- {:.1f} mm\n", 1e3 * *target.outlines.radius_m,
-                        1e3 * target.outlines.radius_sigma_m);
+  if (target.outlines.radius_m) {
+    const auto [least_m, largest_m] = view_watch::radius_range(target.outlines);
+    text += fmt::format("          radius by its outlines: {:.1f} mm; blur, shade and hands leave {:.0f} to {:.0f}\n",
+                        1e3 * *target.outlines.radius_m, 1e3 * least_m, 1e3 * largest_m);
+  }
   if (target.truth) text += "          " + tracks::to_text(*target.truth) + "\n";
   if (target.explanation) text += "          " + truth::to_text(*target.explanation, 0) + "\n";
   return text;
@@ -135,7 +139,9 @@ std::string to_text(const ReplaySummary& s, const ReplayCommand& command) {
 }
 
 bool has_trouble(const ReplaySummary& s) {
-  return !s.mistakes.empty() || s.has_camera_trouble || s.has_lost_color;
+  const auto is_never_tracked = [](const TargetSummary& target) { return !target.first_tracking_set; };
+  return !s.mistakes.empty() || s.has_camera_trouble || s.has_lost_color ||
+         std::ranges::any_of(s.targets, is_never_tracked);
 }
 
 // The most important explanation is last.

@@ -18,6 +18,8 @@
 #include "config/service_config.h"
 #include "daemon/page_process.h"
 #include "doctor/camera_exam.h"
+#include "recordings/recording.h"
+#include "recordings/replay_source.h"
 
 namespace huetrack::daemon {
 namespace {
@@ -212,6 +214,36 @@ std::string first_configuration(std::span<const SetUpCamera> cameras, double mem
              "memory\n",
              pre_roll_s, std::max(double(usual_mb), std::ceil(wanted_mb))) +
          "control: {allow_teach: true, allow_record: true}\n";
+}
+
+void set_up_film(const SetUpCommand& command, const std::stop_token& stop) {
+  const fs::path& file = command.config;
+  if (std::error_code none; fs::exists(file, none))
+    throw std::runtime_error(file.string() + " is there already: name another file to write");
+  const std::string word = "cam0=" + command.film.string();
+  const std::vector<std::string> words{word}, names{"cam0"};
+  recordings::ReplaySource source(recordings::read_recording(words), names);
+  const auto frame = source.next(stop);
+  if (!frame || frame->pixels.width == 0)
+    throw std::runtime_error(command.film.string() + ": its first picture cannot be read");
+  const SetUpCamera camera{.device = {}, .width = frame->pixels.width, .height = frame->pixels.height, .model = ""};
+  const std::string rig = write_rig_of_one(file, camera, command.fov_deg);
+  files::write_whole_file(file,
+                          fmt::format("# Written by huetrackd setup --film: a film of one camera, cam0. Every key "
+                                      "is in configs/huetrackd.yaml.\n"
+                                      "version: 1\n"
+                                      "rig: {}\n"
+                                      "targets: {{ball: {{}}}}           # add radius_m, in metres: the distance "
+                                      "scales with it\n"
+                                      "control: {{allow_teach: true}}\n",
+                                      rig));
+  fmt::print(
+      "written: {0}, for a film of {1}x{2}\n"
+      "next: set radius_m of the ball in {0}; then teach its colour, by a pixel of it in a frame, and track it:\n"
+      "  huetrackd teach {0} {3} --at cam0,FRAME,U,V     (or huetrackd replay {0} {3} --hold, and click on the page of "
+      "huetrack view)\n"
+      "  huetrackd replay {0} {3} --tracks track.csv\n",
+      file.string(), camera.width, camera.height, word);
 }
 
 void set_up(const SetUpCommand& command, LiveRequests& requests, const std::stop_token& stop) {

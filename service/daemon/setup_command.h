@@ -43,7 +43,12 @@ struct SetUpCommand {
   std::filesystem::path config;
   bool with_page = true;            // false: only write the file
   std::optional<double> fov_deg{};  // horizontal field of view of a single camera
+  std::filesystem::path film{};     // of one camera: the configuration is for it, and nothing is run; empty: none
 };
+
+// Writes configuration and rig for a film of one camera, cam0. throws std::exceptions of one readable line: the film
+// cannot be read, or a file is there already.
+void set_up_film(const SetUpCommand& command, const std::stop_token& stop);
 
 // An existing configuration is run as it stands. With one camera it also writes the rig (rig_of_one_camera()), beside
 // it. throws std::exceptions of one readable line: there is no camera, a file cannot be written, or the rig's is there

@@ -1,6 +1,5 @@
 #include "daemon/tally.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 
 namespace huetrack::daemon {
@@ -9,10 +8,8 @@ using Clock = std::chrono::steady_clock;
 
 Tally::Tally(const config::ServiceConfig& config, const tracks::Truth* truth) {
   for (const auto& target : config.targets) {
-    Target& added = targets_.emplace_back();
-    added.summary.name = target.name;
-    added.radius_m = target.radius_m;
-    if (config.rig.cameras.size() == 1) added.judged_axis = 1;
+    Target& added = targets_.emplace_back(
+        Target{.summary = {.name = target.name, .tracked = {target.radius_m, config.rig.cameras.size()}}});
     if (truth != nullptr && truth->targets().contains(target.name)) added.comparison.emplace(*truth, target.name);
   }
   if (!config.camera_tracking.camera.empty()) camera_.emplace().name = config.camera_tracking.camera;
@@ -25,10 +22,7 @@ void Tally::Target::add(const object_tracking::ObjectEstimate& estimate, std::ui
     summary.first_tracking_set = set;
     summary.first_tracking_s = capture::seconds(estimate.at - *first_at);
   }
-  if (estimate.state == object_tracking::TrackState::tracking) {
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(estimate.covariance, Eigen::EigenvaluesOnly);
-    if (axes.eigenvalues()[judged_axis] > radius_m * radius_m) ++summary.unsure_sets;
-  }
+  summary.tracked.add(estimate);
   if (comparison) comparison->add(estimate);
   if (estimate.is_birth) ++summary.objects, summary.most_objects = std::max(summary.most_objects, ++objects_now);
   if (estimate.is_end) --objects_now;

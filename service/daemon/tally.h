@@ -9,24 +9,24 @@
 #include <vector>
 
 #include "pipeline/output.h"
+#include "reports/tracked_sets.h"
 #include "tracks/truth_comparison.h"
 
 namespace huetrack::daemon {
 
 struct TargetSummary {
   std::string name;
-  std::string color;                                          // what its hue_deg means; empty: it has none yet
-  std::map<object_tracking::TrackState, std::uint64_t> sets;  // per state
+  std::string color = {};  // what its hue_deg means; empty: it has none yet
+  reports::TrackedSets tracked = {};
+  std::map<object_tracking::TrackState, std::uint64_t> sets = {};  // per state
   // With `count`, sets counts each object; these are the number found, and the most at once.
   std::uint64_t objects = 0, most_objects = 0;
-  // In `tracking` with a sigma above the target's radius. Of one camera's, across its ray: along it is the radius's.
-  std::uint64_t unsure_sets = 0;
-  std::optional<std::uint64_t> first_tracking_set;  // from 1
-  double first_tracking_s = 0;                      // capture time from the first set to that one
-  std::optional<tracks::TruthFigures> truth;
-  std::optional<truth::Explanation> explanation;  // of most of its error
-  object_tracking::OutlineFindings outlines;      // radius by its outlines
-  std::string advice;                             // if it was never tracked, late, or perhaps something else
+  std::optional<std::uint64_t> first_tracking_set = {};  // from 1
+  double first_tracking_s = 0;                           // capture time from the first set to that one
+  std::optional<tracks::TruthFigures> truth = {};
+  std::optional<truth::Explanation> explanation = {};  // of most of its error
+  object_tracking::OutlineFindings outlines = {};      // radius by its outlines
+  std::string advice = {};                             // if it was never tracked, late, or perhaps something else
 };
 
 struct CameraSummary {
@@ -53,11 +53,9 @@ class Tally final : public pipeline::Output {
  private:
   struct Target {
     TargetSummary summary;
-    std::optional<tracks::TruthComparison> comparison;
+    std::optional<tracks::TruthComparison> comparison = {};
     std::optional<capture::Timestamp> first_at = {};
     std::uint64_t objects_now = 0;
-    double radius_m = 0;
-    Eigen::Index judged_axis = 2;  // of the covariance's eigenvalues, ascending: the one behind unsure_sets
     void add(const object_tracking::ObjectEstimate& estimate, std::uint64_t set);
   };
   std::vector<Target> targets_;  // this and all up to sets_until_: the tracking thread's

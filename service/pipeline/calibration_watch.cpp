@@ -67,11 +67,25 @@ CalibrationWatch::CalibrationWatch(const calib::CameraRig& rig, const object_tra
     : rig_(rig), volume_(volume), config_(std::move(config)), facts_(rig.cameras.size()), trust_(rig.cameras.size()) {
   for (std::size_t c = 0; c < rig_.cameras.size(); ++c) {
     const calib::Camera& camera = rig_.cameras[c];
-    const auto known = std::ranges::find(config_.room, camera.name, &config::KeptRoom::camera);
-    watched_.push_back({.watch = known == config_.room.end() ? room_watch::CameraWatch(camera)
-                                                             : room_watch::CameraWatch(camera, known->patches),
-                        .is_still = still[c]});
+    watched_.push_back({.watch = room_watch::CameraWatch(camera, known_patches(camera.name)), .is_still = still[c]});
   }
+}
+
+std::vector<room_watch::KeptPatch> CalibrationWatch::known_patches(const std::string& camera) const {
+  const auto known = std::ranges::find(config_.room, camera, &config::KeptRoom::camera);
+  return known == config_.room.end() ? std::vector<room_watch::KeptPatch>() : known->patches;
+}
+
+void CalibrationWatch::begin_anew() {
+  std::vector<Watched> anew;
+  for (std::size_t c = 0; c < rig_.cameras.size(); ++c) {
+    const calib::Camera& camera = rig_.cameras[c];
+    std::vector<room_watch::KeptPatch> patches = watched_[c].watch.room();
+    if (patches.empty()) patches = known_patches(camera.name);
+    anew.push_back({.watch = room_watch::CameraWatch(camera, patches), .is_still = watched_[c].is_still});
+    facts_[c] = {};
+  }
+  watched_.swap(anew);
 }
 
 bool CalibrationWatch::look(const capture::FrameSet& set) {

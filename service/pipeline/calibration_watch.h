@@ -6,6 +6,7 @@
 #include <Eigen/Core>
 #include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "calib/model/camera_rig.h"
@@ -34,6 +35,8 @@ class CalibrationWatch {
   CalibrationWatch(const calib::CameraRig& rig, const object_tracking::Volume& volume, config::CalibrationConfig config,
                    std::vector<bool> still);
 
+  // The next set does not continue the last one: each camera is compared anew with the room as it was learnt.
+  void begin_anew();
   // Before the trackers' update with that set. Returns whether trust() has changed.
   bool look(const capture::FrameSet& set);
   // After it.
@@ -55,6 +58,7 @@ class CalibrationWatch {
     std::optional<capture::Timestamp> effect_at = {};
     std::vector<room_watch::Occluder> objects = {};
   };
+  std::vector<room_watch::KeptPatch> known_patches(const std::string& camera) const;  // of the configuration
   void follow(std::size_t camera);
   void note(std::size_t camera, capture::Timestamp at);
   std::vector<bool> used_cameras() const;

@@ -72,6 +72,10 @@ void MistakeWatch::reset_target(std::size_t target, const object_tracking::Targe
   mistakes_[target].clear();
 }
 
+void MistakeWatch::begin_anew() {
+  for (view_watch::ViewWatch& watch : watches_) watch.begin_anew();
+}
+
 bool MistakeWatch::look(const capture::FrameSet& set, std::span<const object_tracking::ObjectEstimate> estimates,
                         std::span<const object_trackers::ObjectTracker> trackers, const std::vector<bool>& moved) {
   std::swap(inflation_, previous_inflation_);

@@ -22,6 +22,9 @@ class MistakeWatch {
   // A target has another colour or radius: forgets its history.
   void reset_target(std::size_t target, const object_tracking::TargetOptions& options);
 
+  // The next set does not continue the last one. What was found stays.
+  void begin_anew();
+
   // After the trackers' update with that set. moved: per camera of the rig, known to have been moved (room_watch), so
   // its inconsistencies are explained. Returns whether inflation() changed.
   bool look(const capture::FrameSet& set, std::span<const object_tracking::ObjectEstimate> estimates,

@@ -267,6 +267,7 @@ void Pipeline::capture(capture::FrameSource& source, std::stop_token stop) {
     if (source.jumps() != jumps_before) {
       const std::scoped_lock lock(replacements_mutex_);
       jumps_.push_back(frame->captured_at);
+      if (camera_tracker_) camera_jumps_.push_back(frame->captured_at);
     }
     if (pace_) {
       if (!sleep_until(pace_->start + (frame->captured_at - pace_->first), stop)) break;
@@ -494,14 +495,18 @@ bool Pipeline::take_replacements(capture::Timestamp at) {
   return is_any;
 }
 
-void Pipeline::begin_anew_after_jumps(capture::Timestamp at) {
+bool Pipeline::has_jumped(std::deque<capture::Timestamp>& jumps, capture::Timestamp at) {
+  const std::scoped_lock lock(replacements_mutex_);
   bool has_jumped = false;
-  {
-    const std::scoped_lock lock(replacements_mutex_);
-    for (; !jumps_.empty() && jumps_.front() <= at; jumps_.pop_front()) has_jumped = true;
-  }
-  if (!has_jumped) return;
+  for (; !jumps.empty() && jumps.front() <= at; jumps.pop_front()) has_jumped = true;
+  return has_jumped;
+}
+
+void Pipeline::begin_anew_after_jumps(capture::Timestamp at) {
+  if (!has_jumped(jumps_, at)) return;
   for (auto& tracker : trackers_) tracker.begin_anew();
+  if (calibration_) calibration_->begin_anew();
+  if (mistakes_) mistakes_->begin_anew();
 }
 
 void Pipeline::track_camera(int camera, std::unique_ptr<camera_tracking::CameraTracker> tracker) {
@@ -512,6 +517,7 @@ void Pipeline::track_camera(int camera, std::unique_ptr<camera_tracking::CameraT
 void Pipeline::track_camera_frames() {
   while (auto ready = camera_frames_.pop()) {
     Stopwatch watch;
+    if (has_jumped(camera_jumps_, ready->frame.captured_at)) camera_tracker_->begin_anew();
     const camera_tracking::CameraEstimate estimate = camera_tracker_->update(ready->frame);
     const StageTime tracked = watch.lap();
     const std::string why = estimate.has_pose() ? std::string() : camera_tracker_->why_no_pose();

@@ -125,6 +125,7 @@ class Pipeline {
   void update_searches();
   void set_ended(std::size_t camera, bool has_ended);  // figures_mutex_ is held
   bool take_replacements(capture::Timestamp at);       // returns whether there were any
+  bool has_jumped(std::deque<capture::Timestamp>& jumps, capture::Timestamp at);
   void begin_anew_after_jumps(capture::Timestamp at);
   void watch(const capture::FrameSet& set, bool has_new_trackers);
   void trust_cameras();
@@ -162,8 +163,9 @@ class Pipeline {
 
   std::mutex replacements_mutex_;
   std::deque<Replacement> replacements_;  // guarded by replacements_mutex_
-  std::deque<capture::Timestamp> jumps_;  // guarded by replacements_mutex_: first capture times after a source's jump
-  std::vector<std::string> reloaded_;     // the tracking thread's: TrackedSet::reloaded
+  // Guarded by replacements_mutex_: first capture times after a source's jump, for each of both tracking threads.
+  std::deque<capture::Timestamp> jumps_, camera_jumps_;
+  std::vector<std::string> reloaded_;  // the tracking thread's: TrackedSet::reloaded
 
   mutable std::mutex figures_mutex_;  // never held while waiting
   PipelineFigures figures_;           // guarded by figures_mutex_

@@ -8,6 +8,7 @@
 
 #include "calib/files/config_error.h"
 #include "calib/files/file_order.h"
+#include "calib/files/files_beside.h"
 #include "calib/files/number_text.h"
 
 namespace huetrack::recordings {
@@ -123,7 +124,9 @@ std::vector<ImageFile> image_files_of(const RecordedCamera& camera) {
   if ((!is_pattern && !is_glob) || fs::exists(camera.frames, error)) return {};
   auto files = is_pattern ? files_of_pattern(camera.frames) : files_of_glob(camera);
   if (files.empty())
-    throw files::ConfigError(camera.frames, 0, "no file matches this pattern (frames of camera " + camera.name + ")");
+    throw files::ConfigError(camera.frames, 0,
+                             "no file matches this pattern" + files::files_beside(camera.frames) +
+                                 " (frames of camera " + camera.name + ")");
   return files;
 }
 

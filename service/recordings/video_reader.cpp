@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "calib/files/config_error.h"
+#include "calib/files/files_beside.h"
 #include "capture/ffmpeg/ffmpeg_log.h"
 #include "capture/ffmpeg/ffmpeg_objects.h"
 #include "capture/ffmpeg/ffmpeg_picture.h"
@@ -83,7 +84,7 @@ struct VideoReader::Impl {
     const std::filesystem::path& file = parts.front();
     const capture::FfmpegLogScope scope(log);
     std::error_code error;
-    if (!std::filesystem::exists(file, error)) fail(file, "no such file");
+    if (!std::filesystem::exists(file, error)) fail(file, "no such file" + files::files_beside(file));
     if (!std::filesystem::is_regular_file(file, error))
       fail(file,
            std::string("is not a file: give a video, or images as a pattern like %06d.png; a folder may hold the parts "

@@ -20,17 +20,20 @@ void MistakeReport::on_set(const pipeline::TrackedSet& set) {
   std::vector<std::string> now, kinds;
   std::vector<bool> are_radii;
   for (const auto& of_target : set.mistakes)
-    if (std::ranges::any_of(of_target, view_watch::is_of_rig, &view_watch::Mistake::kind)) has_contradiction_ = true;
+    if (std::ranges::any_of(of_target, view_watch::is_of_rig, &view_watch::Mistake::kind)) has_rig_mistake_ = true;
   if (std::ranges::any_of(set.calibration, [](const auto& camera) { return camera.moved && !camera.is_mended; }))
-    has_contradiction_ = true;
+    has_moved_ = true;
   for (std::size_t t = 0; t < set.mistakes.size() && t < targets_.size(); ++t) {
     for (const auto& mistake : set.mistakes[t]) {
       if (view_watch::is_of_rig(mistake.kind) && mistake.kind != view_watch::MistakeKind::contradiction)
         has_explained_rig_ = true;
-      if (mistake.kind == view_watch::MistakeKind::radius && has_contradiction_) continue;
-      are_radii.push_back(mistake.kind == view_watch::MistakeKind::radius);
-      now.push_back(mistake_text(mistake, targets_[t], cameras_));
-      kinds.push_back(fmt::format("{} {} {}", t, int(mistake.kind), fmt::join(mistake.cameras, " ")));
+      std::string kind = fmt::format("{} {} {}", t, int(mistake.kind), fmt::join(mistake.cameras, " "));
+      const auto known = ever_.find(kind);
+      const bool is_radius = mistake.kind == view_watch::MistakeKind::radius;
+      if (is_radius && (has_rig_mistake_ || (has_moved_ && known == ever_.end()))) continue;
+      are_radii.push_back(is_radius);
+      now.push_back(is_radius && has_moved_ ? known->second.sentence : mistake_text(mistake, targets_[t], cameras_));
+      kinds.push_back(std::move(kind));
     }
   }
   if (now == warnings_) return;
@@ -61,7 +64,7 @@ std::vector<std::string> MistakeReport::summary() const {
   std::vector<std::string> all;
   for (const std::string& kind : order_) {
     const Named& named = ever_.at(kind);
-    if (named.is_radius && has_contradiction_) continue;
+    if (named.is_radius && has_rig_mistake_) continue;
     all.push_back(fmt::format("from {:.1f} s on: {}", named.at_s, named.sentence));
   }
   return all;

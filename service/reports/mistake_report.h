@@ -25,7 +25,7 @@ class MistakeReport final : public pipeline::Output {
   // All mistakes since the start, one sentence each, with the time since the first set. After the run.
   std::vector<std::string> summary() const;
   // Since the start: a measured radius means nothing then (radius_advice.h). thread-safe
-  bool do_views_contradict() const { return has_contradiction_; }
+  bool do_views_contradict() const { return has_rig_mistake_ || has_moved_; }
   // A mistake explains that the search could not succeed: a camera or the rig is wrong. After the run.
   bool has_explained_rig() const { return has_explained_rig_; }
 
@@ -40,8 +40,9 @@ class MistakeReport final : public pipeline::Output {
   std::optional<capture::Timestamp> first_at_;  // the tracking thread's
   std::map<std::string, Named> ever_;           // guarded by mutex_; by target, kind and cameras
   bool has_explained_rig_ = false;
-  std::atomic<bool> has_contradiction_ = false;
-  std::vector<std::string> order_;  // the tracking thread's; keys of ever_ in order of appearance
+  std::atomic<bool> has_rig_mistake_ = false;
+  std::atomic<bool> has_moved_ = false;  // a camera, since a known moment: what was measured before holds
+  std::vector<std::string> order_;       // the tracking thread's; keys of ever_ in order of appearance
   mutable std::mutex mutex_;
   std::vector<object_tracking::TargetOptions> targets_;  // guarded by mutex_
   std::vector<std::string> warnings_;                    // guarded by mutex_

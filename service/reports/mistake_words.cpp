@@ -57,6 +57,11 @@ std::string mistake_text(const view_watch::Mistake& mistake, const object_tracki
           "(zoom, focus, another lens or crop): restore it, or calibrate it again",
           disagrees, target.name, mistake.size);
     case MistakeKind::mirrored:
+      if (is_either)
+        return fmt::format(
+            "{}, and agree if left and right of one of them are exchanged: the pictures of one look mirrored, and two "
+            "cameras do not show whose: switch that off in the camera or in the program that recorded it",
+            disagrees);
       return fmt::format(
           "{}, and agrees if left and right are exchanged: its pictures look mirrored: switch that off in the camera "
           "or "

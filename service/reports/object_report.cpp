@@ -7,6 +7,8 @@
 #include <iterator>
 #include <utility>
 
+#include "reports/search_advice.h"
+
 namespace huetrack::reports {
 namespace {
 
@@ -55,8 +57,9 @@ std::string other_colors_text(const std::string& camera, const std::string& targ
 }
 
 ObjectReport::ObjectReport(const config::ServiceConfig& config)
-    : cameras_(config.rig.camera_names()), targets_(config.targets.size()), options_(config.targets) {
-  for (Target& target : targets_) {
+    : cameras_(config.rig.camera_names()), options_(config.targets) {
+  for (const auto& options : options_) {
+    Target& target = targets_.emplace_back(Target{.tracked = {options.radius_m, cameras_.size()}});
     target.clutter.resize(cameras_.size()), target.other_colors.resize(cameras_.size());
     target.frames_of_others.resize(cameras_.size()), target.bad_checks.resize(cameras_.size());
   }
@@ -71,6 +74,7 @@ void ObjectReport::Finding::set(std::string sentence, const std::string& when_go
 
 void ObjectReport::on_set(const pipeline::TrackedSet& set) {
   log_objects(set);
+  check_certainty(set);
   if (sets_++ % check_sets != 0) return;
   check_clutter(set);
   check_extra_objects(set);
@@ -153,9 +157,26 @@ void ObjectReport::check_other_colors(const pipeline::TrackedSet& set) {
   }
 }
 
+void ObjectReport::check_certainty(const pipeline::TrackedSet& set) {
+  constexpr std::uint64_t fewest = 60;  // tracked sets: two seconds; a track begins with a wide sigma
+  const std::scoped_lock lock(mutex_);
+  for (const auto& estimate : set.estimates) targets_[estimate.target].tracked.add(estimate);
+  if (sets_ % check_sets != 0) return;
+  for (std::size_t t = 0; t < targets_.size(); ++t) {
+    const TrackedSets& sets = targets_[t].tracked;
+    if (sets.tracked() < fewest) continue;
+    std::string advice = unsure_advice(double(sets.unsure()) / double(sets.tracked()), options_[t]);
+    targets_[t].is_unsure.set(advice.empty() ? advice : options_[t].name + ": " + advice, "");
+  }
+}
+
 void ObjectReport::on_config(const config::ServiceConfig& config) noexcept {
   const std::scoped_lock lock(mutex_);
   options_ = config.targets;
+  for (std::size_t t = 0; t < targets_.size() && t < options_.size(); ++t) {
+    targets_[t].tracked = {options_[t].radius_m, cameras_.size()};
+    targets_[t].is_unsure = {};
+  }
 }
 
 std::vector<std::string> ObjectReport::all(std::string Finding::*which) const {
@@ -173,7 +194,10 @@ std::vector<std::string> ObjectReport::all(std::string Finding::*which) const {
 
 std::vector<std::string> ObjectReport::warnings() const {
   const std::scoped_lock lock(mutex_);
-  return all(&Finding::now);
+  std::vector<std::string> sentences = all(&Finding::now);
+  for (const Target& target : targets_)
+    if (!target.is_unsure.now.empty()) sentences.push_back(target.is_unsure.now);
+  return sentences;
 }
 
 std::vector<std::string> ObjectReport::summary() const {

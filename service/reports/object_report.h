@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "pipeline/output.h"
+#include "reports/tracked_sets.h"
 
 namespace huetrack::reports {
 
@@ -22,7 +23,7 @@ class ObjectReport final : public pipeline::Output {
 
   // In force now, one sentence each. thread-safe
   std::vector<std::string> warnings() const;
-  // The last sentence of each finding since the start. After the run.
+  // The last sentence of each finding since the start; the certainty is the caller's, of the whole run. After the run.
   std::vector<std::string> summary() const;
 
  private:
@@ -39,6 +40,8 @@ class ObjectReport final : public pipeline::Output {
     std::map<std::uint32_t, Object> objects = {};  // alive, by number
     std::vector<Finding> clutter = {};             // per camera of the rig
     Finding extra_object = {};
+    TrackedSets tracked;  // since the start, or since the target was changed
+    Finding is_unsure = {};
     std::vector<std::uint64_t> frames_of_others = {};  // per camera: frames without this colour, at the last check
     std::vector<int> bad_checks = {};                  // per camera: consecutive checks with mostly such frames
     std::vector<Finding> other_colors = {};            // per camera
@@ -47,6 +50,7 @@ class ObjectReport final : public pipeline::Output {
   void check_clutter(const pipeline::TrackedSet& set);
   void check_extra_objects(const pipeline::TrackedSet& set);
   void check_other_colors(const pipeline::TrackedSet& set);
+  void check_certainty(const pipeline::TrackedSet& set);
   bool may_log(capture::Timestamp at);
   std::vector<std::string> all(std::string Finding::*which) const;
 

@@ -43,14 +43,14 @@ std::string what_to_try(const objects::SearchFindings& findings, const object_tr
 std::string search_advice(const objects::SearchFindings& findings, const object_tracking::TargetOptions& target,
                           const std::vector<std::string>& cameras, bool do_views_contradict) {
   if (findings.sets == 0) return {};
-  const std::string opencv = color::opencv_hue_text(target.color);
+  const std::string opencv = color::other_unit_text(target.color);
   return what_to_try(findings, target, cameras, do_views_contradict) + "; " + color::hue_text(target.color) +
          (opencv.empty() ? "" : "; ") + opencv;
 }
 
 std::string seldom_advice(double tracked_share, const object_tracking::TargetOptions& target) {
   constexpr double seldom = 0.25;  // clutter of another colour range is tracked for moments
-  const std::string opencv = color::opencv_hue_text(target.color);
+  const std::string opencv = color::other_unit_text(target.color);
   if (tracked_share >= seldom || opencv.empty()) return {};
   return fmt::format("it was tracked in only {:.0f} % of the sets, and may be something else; {}; {}",
                      100 * tracked_share, color::hue_text(target.color), opencv);
@@ -60,7 +60,7 @@ std::string unsure_advice(double unsure_share, const object_tracking::TargetOpti
   // Two cameras locate a ball to a part of its radius: the sigma is above it in 1.3 % of the sets at most where the
   // colour is right, and in 96 % where it is another object's (shared recordings).
   constexpr double usual = 0.5;
-  const std::string opencv = color::opencv_hue_text(target.color);
+  const std::string opencv = color::other_unit_text(target.color);
   if (unsure_share <= usual || opencv.empty()) return {};
   return fmt::format(
       "its sigma was above its radius, {:g} mm, in {:.0f} % of the sets in which it was tracked, so it may be "

@@ -802,14 +802,18 @@ void CameraWatch::judge_lost_view(Timestamp at) {
     // The light or the room is another one: it is learnt as it is now.
     is_kept_ = false;
     has_forgotten_ = true;
-    has_begun_ = false;
-    watched_.clear();
-    last_learnt_at_.reset();
+    learn_anew();
     return;
   }
   if (!lost_since_) lost_since_ = at;
   if (at - *lost_since_ < calm_pause) {
     next_survey_ = std::min(next_survey_, *lost_since_ + calm_pause);
+    return;
+  }
+  // Not found once since it was learnt: what moved was taken for the room, as before a plain wall.
+  if (history_.empty()) {
+    learn_anew();
+    set_state(RoomState::learning, at);
     return;
   }
   std::vector<double> contrasts;
@@ -818,6 +822,13 @@ void CameraWatch::judge_lost_view(Timestamp at) {
   const bool is_blind =
       !contrasts.empty() && calib::median_in_place(std::span(contrasts)) < double(patch_fit.min_contrast);
   set_state(is_blind ? RoomState::blinded : RoomState::hidden, *lost_since_);
+}
+
+void CameraWatch::learn_anew() {
+  has_begun_ = false;
+  watched_.clear();
+  last_learnt_at_.reset();
+  lost_since_.reset();
 }
 
 void CameraWatch::relearn_replaced(const Luma& luma, Timestamp at) {

@@ -167,6 +167,7 @@ class CameraWatch {
   void report(Turn turn, bool goes_on, bool is_small, capture::Timestamp at);
   Turn turn_since(capture::Timestamp at, const Eigen::Vector3d& before, const Eigen::Vector3d& after) const;
   void judge_lost_view(capture::Timestamp at);
+  void learn_anew();
   void relearn_replaced(const Luma& luma, capture::Timestamp at);
   void set_state(RoomState state, capture::Timestamp at);
   Eigen::Vector2d block_of(const Eigen::Vector2d& px) const;

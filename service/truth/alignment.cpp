@@ -62,6 +62,36 @@ Alignment fitted(const Pairs& pairs, Freedom freedom) {
   return fit;
 }
 
+Truth negated(const Truth& truth, std::initializer_list<int> axes) {
+  Truth out = truth;
+  out.transform([&](Eigen::Vector3d& position) {
+    for (const int axis : axes) position[axis] *= -1;
+  });
+  return out;
+}
+
+// left_m: what transforms that keep the handedness leave.
+std::optional<Mirrored> mirrored_of(const Truth& truth, std::span<const TargetTrack> tracks, double left_m) {
+  constexpr int y = 1;
+  const auto rigid = align(negated(truth, {y}), tracks, Freedom::rigid, true);
+  if (!rigid || rigid->rms_m >= explains * left_m) return std::nullopt;
+  Mirrored mirrored{.axis = {}, .rms_m = rigid->rms_m};
+  for (int axis = 0; axis < 3; ++axis)
+    if (const auto alone = align(negated(truth, {axis}), tracks, Freedom::none, true);
+        alone && alone->rms_m < explains * left_m)
+      mirrored.axis = axis;
+  return mirrored;
+}
+
+std::string text_of(const Mirrored& mirrored, double as_it_is_m) {
+  const std::string how = mirrored.axis ? fmt::format("negate {} in the truth", "xyz"[*mirrored.axis])
+                                        : "negate one axis of the truth, or exchange two";
+  return fmt::format(
+      "the axes of track and truth are mirrored (one world is left-handed), which explains most of the error: {}; the "
+      "rms error while tracking is {:.1f} mm, and {:.1f} mm with a reflection, a rigid transform and a clock offset",
+      how, 1e3 * as_it_is_m, 1e3 * mirrored.rms_m);
+}
+
 std::string options_text(const Alignment& alignment) {
   std::string text;
   if (alignment.freedom == Freedom::rigid) text = "--align rigid";
@@ -132,12 +162,18 @@ std::optional<Explanation> explanation(const Truth& truth, std::span<const Targe
                                       fit(Freedom::similarity, false), with_scale};
   const auto* by = std::ranges::find_if(
       simplest_first, [&](const Alignment& candidate) { return candidate.rms_m < explains * as_it_is->rms_m; });
-  if (by == std::end(simplest_first)) return std::nullopt;
   const bool is_scaled = with_scale.rms_m < explains * rigid_and_clock.rms_m;
-  return Explanation{.rms_m = as_it_is->rms_m, .by = *by, .full = is_scaled ? with_scale : rigid_and_clock};
+  const Alignment& full = is_scaled ? with_scale : rigid_and_clock;
+  auto mirrored = mirrored_of(truth, tracks, full.rms_m);
+  if (by == std::end(simplest_first) && !mirrored) return std::nullopt;
+  return Explanation{.rms_m = as_it_is->rms_m,
+                     .by = by == std::end(simplest_first) ? *as_it_is : *by,
+                     .full = full,
+                     .mirrored = std::move(mirrored)};
 }
 
 std::string to_text(const Explanation& e, double given_s) {
+  if (e.mirrored) return text_of(*e.mirrored, e.rms_m);
   const Alignment& by = e.by;
   const bool is_clock = by.freedom == Freedom::none;
   std::string text =

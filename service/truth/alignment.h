@@ -48,10 +48,17 @@ struct Alignment {
 std::optional<Alignment> align(const Truth& truth, std::span<const TargetTrack> tracks, Freedom freedom,
                                bool aligns_time);
 
+// The axes of track and truth are of different handedness, as after the negation of one axis.
+struct Mirrored {
+  std::optional<int> axis;  // of the truth: without its sign nothing else is left; nullopt: also turned, or exchanged
+  double rms_m = 0;         // with a reflection, a rigid transform and a clock offset
+};
+
 struct Explanation {
   double rms_m = 0;  // as it is
   Alignment by;      // the simplest one that explains more than half of that
   Alignment full;    // a rigid transform and a clock offset; also a scale, if that explains more than half of the rest
+  std::optional<Mirrored> mirrored = {};  // if it explains more than half of what all of these leave
 };
 std::optional<Explanation> explanation(const Truth& truth, std::span<const TargetTrack> tracks);
 // One sentence for people with the command. given_s: the clock offset that is already subtracted.

@@ -99,6 +99,28 @@ std::vector<std::string> Truth::contradictions(Timestamp first, Timestamp last, 
   return sentences;
 }
 
+std::string Truth::apart_text(std::span<const std::string> targets, Timestamp first, Timestamp last,
+                              bool is_shifted) const {
+  Timestamp from = Timestamp::max(), to = Timestamp::min();
+  for (const std::string& target : targets)
+    if (const auto known = targets_.find(target); known != targets_.end()) {
+      from = std::min(from, known->second.front().at);
+      to = std::max(to, known->second.back().at);
+    }
+  const auto span = [](Timestamp a, Timestamp b) {
+    return fmt::format("{:.3f} to {:.3f} s", seconds(a.time_since_epoch()), seconds(b.time_since_epoch()));
+  };
+  return fmt::format(
+      "nothing can be compared: the tracks are at {}, the truth at {}{}; --clock-offset says how many seconds the "
+      "tracks' clock is ahead of the truth's",
+      span(first, last), span(from, to), is_shifted ? " with this --clock-offset" : "");
+}
+
+void Truth::transform(const std::function<void(Eigen::Vector3d& position)>& change) {
+  for (auto& [_, samples] : targets_)
+    for (Sample& sample : samples) change(sample.position);
+}
+
 void Truth::shift(std::chrono::nanoseconds ahead) {
   for (auto& [_, samples] : targets_)
     for (Sample& sample : samples) sample.at += ahead;

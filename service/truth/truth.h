@@ -5,6 +5,7 @@
 #include <Eigen/Geometry>
 #include <chrono>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <optional>
 #include <span>
@@ -37,6 +38,13 @@ class Truth {
   // Where the truth can hardly be of a track from first to last (on the truth's clock) in that room: other times or
   // units. One sentence each, for the user.
   std::vector<std::string> contradictions(Timestamp first, Timestamp last, const Eigen::AlignedBox3d& room) const;
+
+  // Why nothing can be compared with tracks of these targets from first to last: both times, and the option to set.
+  // is_shifted: --clock-offset was given. One of the targets has a truth.
+  std::string apart_text(std::span<const std::string> targets, Timestamp first, Timestamp last, bool is_shifted) const;
+
+  // Applies it to every position.
+  void transform(const std::function<void(Eigen::Vector3d& position)>& change);
 
   // Adds `ahead` to all times.
   void shift(std::chrono::nanoseconds ahead);

@@ -142,14 +142,15 @@ class FaultHypotheses {
     return with_it >= 2 && with_it < pairs_.size() && std::ranges::none_of(pairs_, is_bad);
   }
 
-  // learnt_s: the estimated latency beyond the rig's, which the tracks' times contain.
-  void try_lateness(std::size_t camera, double learnt_s) {
+  // learnt_s: the estimated latency beyond the rig's, which the tracks' times contain. is_sure: false while the views
+  // are not clearly inconsistent: then it only competes, as slow motion makes late frames look like a turned camera.
+  void try_lateness(std::size_t camera, double learnt_s, bool is_sure) {
     const double late_s = best_lateness(comparison_, tracks_, camera, time_sigmas_);
     const double in_all_s = late_s - learnt_s;  // beyond the rig's
     std::vector<double> extra_latency_s(rig_.cameras.size(), 0.0);
     extra_latency_s[camera] = late_s;
     judge({.kind = MistakeKind::late, .cameras = {int(camera)}, .size = in_all_s, .extra_latency_s = extra_latency_s},
-          {.late_s = extra_latency_s}, true);
+          {.late_s = extra_latency_s}, is_sure);
   }
 
   // The times of all cameras: videos that did not begin together, or frames that were dropped and not counted. One late
@@ -228,6 +229,10 @@ class FaultHypotheses {
     join_turn_and_zoom();
     Answer& best = answers_.front();
     if (!best.is_sure) return std::nullopt;
+    if (is_open_which_is_mirrored()) {
+      best.mistake.cameras = {0, 1};
+      return best.mistake;
+    }
     if (answers_.size() > 1 && cost(best) > consistency.clearly_better * cost(answers_[1])) {
       // Of two cameras it is known that one of them is at fault.
       const Mistake& other = answers_[1].mistake;
@@ -256,6 +261,13 @@ class FaultHypotheses {
     const bool has_many = kind == MistakeKind::turned || kind == MistakeKind::uneven_times;
     const bool has_one = kind == MistakeKind::late || kind == MistakeKind::zoomed;
     return std::pow(consistency.per_parameter, has_many ? 3 : has_one ? 1 : 0) * (a.score + consistency.cost_floor);
+  }
+
+  // Of two cameras, exchanging left and right of either explains the views: near a plane of symmetry both do equally.
+  bool is_open_which_is_mirrored() const {
+    const auto is_mirrored = [](const Answer& a) { return a.mistake.kind == MistakeKind::mirrored; };
+    return rig_.cameras.size() == 2 && is_mirrored(answers_.front()) &&
+           std::ranges::count_if(answers_, is_mirrored) == 2;
   }
 
   // In few places another focal length of a camera looks like its turn: both become one answer, as significant as the
@@ -336,6 +348,11 @@ bool is_of_rig(MistakeKind kind) {
          kind == MistakeKind::wrong_order;
 }
 
+std::pair<double, double> radius_range(const object_tracking::OutlineFindings& outlines) {
+  return {outlines.least_radius_m / target_fault.max_outline_ratio,
+          outlines.largest_radius_m / target_fault.min_outline_ratio};
+}
+
 ViewWatch::ViewWatch(const calib::CameraRig& rig, const object_tracking::TargetOptions& target)
     : rig_(rig),
       target_(target),
@@ -385,6 +402,12 @@ void ViewWatch::look(const object_tracking::ObjectEstimate& estimate, const obje
       now.push_back({.kind = MistakeKind::shared_color, .cameras = {int(c)}, .size = shares[c].of_picture});
   }
   confirm(now, now_s);
+}
+
+void ViewWatch::begin_anew() {
+  for (PerCamera& camera : cameras_) camera.track.clear(), camera.intervals = 0;
+  jumps_ = JumpWatch(cameras_.size());
+  found_s_.reset();
 }
 
 // Keeps per camera the region assigned to the target; without one, the largest region that is not static clutter.
@@ -572,10 +595,10 @@ bool ViewWatch::correct_times(Mistake& found, double now_s) {
 // are_few: few samples, which several hypotheses explain; the times of all cameras then compete with other answers.
 std::optional<Mistake> ViewWatch::explained(const PairComparison::Agreement& as_is, bool is_clear, bool are_few) const {
   FaultHypotheses hypotheses(rig_, tracks_, time_sigmas_, as_is);
-  if (is_clear) hypotheses.try_orders();  // exchanged or late cameras are clearly inconsistent
+  if (is_clear) hypotheses.try_orders();  // exchanged cameras are clearly inconsistent
   for (std::size_t c = 0; c < rig_.cameras.size(); ++c) {
     if (!hypotheses.could_be_fault_of(c)) continue;
-    if (is_clear) hypotheses.try_lateness(c, time_shifts_[c]);
+    hypotheses.try_lateness(c, time_shifts_[c], is_clear);
     if (is_clear) hypotheses.try_flips(c);
     hypotheses.try_turn(c);
     hypotheses.try_zoom(c);
@@ -640,10 +663,7 @@ std::optional<Mistake> ViewWatch::of_radius(const object_tracking::OutlineFindin
     const bool is_wrong = outlines.largest_radius_m < target_fault.min_outline_ratio * target_.radius_m ||
                           outlines.least_radius_m > target_fault.max_outline_ratio * target_.radius_m;
     if (!is_wrong) return std::nullopt;
-    return Mistake{.kind = MistakeKind::radius,
-                   .size = *outlines.radius_m,
-                   .range_m = {outlines.least_radius_m / target_fault.max_outline_ratio,
-                               outlines.largest_radius_m / target_fault.min_outline_ratio}};
+    return Mistake{.kind = MistakeKind::radius, .size = *outlines.radius_m, .range_m = radius_range(outlines)};
   }
   const PairComparison comparison(rig_);
   std::vector<double> radii_m;

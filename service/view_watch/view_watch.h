@@ -61,6 +61,10 @@ struct Mistake {
   }
 };
 
+// The true radii, m, that the outlines leave: their views differ, and blur, shade and hands change them all alike.
+// outlines.radius_m has a value.
+std::pair<double, double> radius_range(const object_tracking::OutlineFindings& outlines);
+
 // thread-compatible; one per target. Costs some microseconds per set; while views are inconsistent, some milliseconds
 // twice a second.
 class ViewWatch {
@@ -71,6 +75,9 @@ class ViewWatch {
   // than in the rig; its samples are then ignored. Empty: none.
   void look(const object_tracking::ObjectEstimate& estimate, const object_trackers::ObjectTracker& tracker,
             capture::Timestamp set_at, const std::vector<bool>& moved = {});
+
+  // The next set does not continue the last one: forgets the motion, and keeps what was found.
+  void begin_anew();
 
   // By the last look(), reported once: per camera of the rig, the latency beyond the tracker's estimate, for
   // ObjectTracker::correct_times(). Empty: no correction.

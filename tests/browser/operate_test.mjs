@@ -214,6 +214,10 @@ async function test() {
   await until("the phone has controls", async () => (await phone.locator("#controls-list label").count()) === 3);
   await phone.screenshot({ path: join(options.out, "phone_controls.png") });
   assert.ok((await phone.evaluate(() => document.documentElement.scrollWidth)) <= 390, "too wide");
+  await openTool(phone, "calibrate");
+  await phone.check("input[name=calibrate-kind][value=board]", { force: true });
+  assert.deepEqual(await belowTheFold(phone, ["type", "columns", "rows", "square_mm", "marker_mm", "start"].map((name) => `#calibrate-${name}`)), []);
+  await phone.screenshot({ path: join(options.out, "phone_board.png") });
 
   // ---- A recording instead of the cameras, and back.
   await openTool(page, "recordings");
@@ -244,6 +248,12 @@ async function test() {
   assert.ok((await at()) < stepped + 0.5, "it stays there");
   assert.deepEqual(await belowTheFold(page, ["#replay", "#cameras canvas", "#targets .position"]), []);
   await page.screenshot({ path: join(options.out, "replay.png") });
+  const windowSize = page.viewportSize();
+  await page.setViewportSize({ width: 390, height: 844 });
+  const speed = await page.$eval("#replay-speed", (s) => [parseFloat(getComputedStyle(s).fontSize), s.getBoundingClientRect().width]);
+  assert.ok(speed[0] >= 12 && speed[1] >= 56, `the speed can be read on a phone: ${speed}`);
+  await page.screenshot({ path: join(options.out, "phone_replay.png") });
+  await page.setViewportSize(windowSize);
   await page.selectOption("#replay-speed", "0.1");
   await page.click("#replay-pause");
   await until("it goes on, slowly", async () => (await page.textContent("#replay-pause")) === "Pause" && (await at()) > stepped + 0.4);

@@ -46,11 +46,13 @@ TEST(ColorName, TextSaysWhatTheRangeMeans) {
   EXPECT_EQ(hue_text(hues(0, 360)), "hue_deg [0, 360] is any hue");
 }
 
-TEST(ColorName, OpenCvHintOnlyWhereTheNumbersMayBeOpenCvs) {
-  EXPECT_THAT(opencv_hue_text(hues(33, 57)), MatchesRegex(".*OpenCV.*write \\[66, 114\\], yellow to green.*"));
-  EXPECT_THAT(opencv_hue_text(hues(100, 200)), IsEmpty());
-  EXPECT_THAT(opencv_hue_text(hues(170, 10)), IsEmpty());
-  EXPECT_THAT(opencv_hue_text(hues(0, 360)), IsEmpty());
+TEST(ColorName, HintOnlyWhereTheNumbersMayBeInAnotherUnit) {
+  EXPECT_THAT(other_unit_text(hues(33, 57)), MatchesRegex(".*OpenCV.*write \\[66, 114\\], yellow to green.*"));
+  EXPECT_THAT(other_unit_text(hues(0.18, 0.32)), MatchesRegex(".*shares of the circle.*write \\[65, 115\\], .*"));
+  EXPECT_THAT(hue_text(hues(0.18, 0.32)), HasSubstr("hue_deg [0.18, 0.32] is red"));
+  EXPECT_THAT(other_unit_text(hues(100, 200)), IsEmpty());
+  EXPECT_THAT(other_unit_text(hues(170, 10)), IsEmpty());
+  EXPECT_THAT(other_unit_text(hues(0, 360)), IsEmpty());
 }
 
 }  // namespace

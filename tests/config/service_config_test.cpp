@@ -554,6 +554,9 @@ TEST_F(ServiceConfigFile, WarnsOfWhatIsProbablyNotMeant) {
       ElementsAre("targets a and b have overlapping colours in camera cam0 and may be taken for each other"));
   EXPECT_THAT(warnings_of(load(head + "targets: {a: {color: {hue_deg: [160, 80]}}}\n")),
               ElementsAre(HasSubstr("were [80, 160] meant?")));
+  EXPECT_THAT(warnings_of(load(head + "targets: {a: {color: {hue_deg: [0.18, 0.32]}}}\n")),
+              ElementsAre(AllOf(HasSubstr("target a: its hue_deg [0.18, 0.32] is one degree wide"),
+                                HasSubstr("shares of the circle, 0 to 1, write [65, 115]"))));
   // Red, as OpenCV has it.
   EXPECT_THAT(warnings_of(load(head + "targets: {a: {color: {hue_deg: [170, 10]}}}\n")),
               ElementsAre(HasSubstr("were [340, 20] meant, which are [170, 10] in OpenCV's units (0 to 180)?")));

@@ -9,6 +9,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "capture/clips.h"
 #include "config/service_config.h"
 
 namespace huetrack::daemon {
@@ -51,6 +52,21 @@ TEST_F(SetUp, ThePageMayChangeTheFirstConfiguration) {
   EXPECT_EQ(config.record.pre_roll_mb, 1080);  // a minute of the one that says what it takes
   EXPECT_EQ(config.cameras[0].fps, 29.97);
   EXPECT_EQ(config.cameras[1].fps, std::nullopt);
+}
+
+TEST_F(SetUp, AFilmOfOneCameraGetsAConfiguration) {
+  capture::write_clip(folder / "ball.mkv", {.frames = 3});
+  const SetUpCommand command{.config = folder / "film.yaml", .film = folder / "ball.mkv"};
+  testing::internal::CaptureStdout();
+  set_up_film(command, {});
+  EXPECT_THAT(testing::internal::GetCapturedStdout(),
+              AllOf(HasSubstr("a film of 64x48"), HasSubstr("--at cam0,FRAME,U,V")));
+  const config::ServiceConfig config = config::load_service_config(command.config);
+  ASSERT_EQ(config.rig.cameras.size(), 1u);
+  EXPECT_EQ(config.rig.cameras[0].image_size, (calib::ImageSize{64, 48}));
+  EXPECT_TRUE(config.is_calibrated());
+  EXPECT_EQ(config.targets.at(0).name, "ball");
+  EXPECT_THROW(set_up_film(command, {}), std::runtime_error);  // nothing is replaced
 }
 
 TEST_F(SetUp, OneCameraIsUsedWithoutACalibration) {

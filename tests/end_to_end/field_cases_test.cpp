@@ -213,8 +213,9 @@ TEST_F(FieldCases, GreyPicturesAreTheReasonThatNothingIsTracked) {
   for (int k = 0; k < 30; ++k)
     std::ofstream(folder_ / (std::to_string(k) + ".pgm")) << "P5\n320 240\n255\n" << std::string(320 * 240, char(90));
   const Replayed grey = replay({recording("frames: '%d.pgm', fps: 30", "frames: '%d.pgm', fps: 30")});
-  EXPECT_THAT(grey.text, AllOf(HasSubstr("never tracking"), HasSubstr("the pictures of all cameras are grey"),
+  EXPECT_THAT(grey.text, AllOf(HasSubstr("never tracking"), HasSubstr("  mistake the pictures of all cameras are grey"),
                                Not(HasSubstr("widen its colour"))));
+  EXPECT_EQ(grey.status, 3);
 }
 
 TEST_F(FieldCases, TruthsAreReadOrNamed) {

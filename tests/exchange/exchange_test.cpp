@@ -681,7 +681,7 @@ TEST_F(Exchange, BagWithAnUncalibratedCameraSaysSo) {
 
 // Three cameras 3 m around a place near the world's origin, which they look at.
 std::string three_cameras(const std::string& pose_key, bool is_inverted, const Eigen::Vector3d& at = {0.2, -0.1, 0.3},
-                          double step_rad = 0.8) {
+                          double step_rad = 0.8, const Eigen::Vector3d& axes = {1, 1, 1}) {
   std::string text = "{";
   for (int c = 0; c < 3; ++c) {
     const Eigen::Vector3d centre(3 * std::cos(step_rad * c), 3 * std::sin(step_rad * c), 1.5);
@@ -690,6 +690,7 @@ std::string three_cameras(const std::string& pose_key, bool is_inverted, const E
     pose.block<1, 3>(0, 0) = x.transpose();
     pose.block<1, 3>(1, 0) = z.cross(x).transpose();
     pose.block<1, 3>(2, 0) = z.transpose();
+    pose.topLeftCorner<3, 3>() = axes.asDiagonal() * pose.topLeftCorner<3, 3>();
     pose.block<3, 1>(0, 3) = -pose.block<3, 3>(0, 0) * centre;
     if (is_inverted) pose = pose.inverse().eval();
     std::ostringstream rows;
@@ -741,6 +742,22 @@ TEST_F(Exchange, PosesThatOnlyInvertedLookAtOnePlaceAreDoubtful) {
   EXPECT_THAT(doubtful.notes, Contains(HasSubstr("the file is probably of that kind")));
   EXPECT_FALSE(import_text("b.json", wrong, {.inverts_poses = true}).is_doubtful);
   EXPECT_FALSE(import_text("c.json", three_cameras("extrinsics", false, {0.6, -0.5, 0.3}, 2.1)).is_doubtful);
+}
+
+// As NeRF's transforms.json, Blender and OpenGL write them.
+TEST_F(Exchange, OpenGlAxesAreRecognised) {
+  const auto opengl = [&](bool is_inverted, double step_rad) {
+    return three_cameras(is_inverted ? "T_world_cam" : "extrinsics", is_inverted, {0.6, -0.5, 0.3}, step_rad,
+                         Eigen::Vector3d(1, -1, -1));
+  };
+  const Imported doubtful = import_text("a.json", opengl(true, 2.1));
+  EXPECT_TRUE(doubtful.is_doubtful);
+  EXPECT_THAT(doubtful.notes, Contains(AllOf(HasSubstr("--camera-axes opengl)"), HasSubstr("probably of that kind"))));
+  const Imported in = import_text("b.json", opengl(true, 0.8), {.has_opengl_axes = true});
+  EXPECT_FALSE(in.is_doubtful);
+  expect_three(in);
+  expect_three(import_text("c.json", opengl(false, 0.8), {.has_opengl_axes = true}));
+  EXPECT_FALSE(import_text("d.json", three_cameras("extrinsics", false, {0.6, -0.5, 0.3}, 2.1)).is_doubtful);
 }
 
 TEST_F(Exchange, KeysOfOnesOwn) {

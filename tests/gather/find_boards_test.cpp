@@ -70,10 +70,10 @@ TEST(FindBoards, ProcessesPairsOfALongRecording) {
   EXPECT_NEAR(found(12, true, {.every = 3}).set_at_s.at(1), 0.3, 1e-9);  // as was asked for
 }
 
-// A picture of each of these ChArUco boards.
-class CharucoPictures final : public PictureSource {
+// A picture of each of these boards.
+class BoardPictures final : public PictureSource {
  public:
-  explicit CharucoPictures(const std::vector<board::Board>& boards) {
+  explicit BoardPictures(const std::vector<board::Board>& boards) {
     for (const board::Board& board : boards) {
       const board::DrawnBoard drawn = board::draw_board(board);
       const double w = drawn.image.cols, h = drawn.image.rows;
@@ -103,7 +103,7 @@ TEST(FindBoards, ReportsWrongMarkerSizes) {
   board::Board wrong = real;
   wrong.marker = 0.02;
   const auto doubt = [&](const board::Board& in_file) {
-    CharucoPictures source({real});
+    BoardPictures source({real});
     return find_boards(source, board::BoardDetector(in_file), {.progress = false, .page = {}}, {}).board_doubt;
   };
   EXPECT_EQ(doubt(real), "");
@@ -118,7 +118,7 @@ TEST(FindBoards, ReportsSwappedColumnsAndRows) {
   board::Board real = in_file;
   std::swap(real.columns, real.rows);
   const auto look = [&](const std::vector<board::Board>& boards) {
-    CharucoPictures source(boards);
+    BoardPictures source(boards);
     return find_boards(source, board::BoardDetector(in_file), {.progress = false, .page = {}}, {}).cameras[0].boards;
   };
   try {
@@ -131,12 +131,30 @@ TEST(FindBoards, ReportsSwappedColumnsAndRows) {
   EXPECT_EQ(look({in_file, in_file, real}), 2);
 }
 
+// Most pictures show a larger board; in few of them so little is seen of it that the file's board is found.
+TEST(FindBoards, AWrongNumberOfCornersIsNamedWhereTheBoardWasFoundInAFewPictures) {
+  const board::Board real{.type = board::BoardType::chessboard, .columns = 9, .rows = 6};
+  board::Board in_file = real;
+  in_file.columns = 7;
+  BoardPictures source({in_file, real, real, real, real});
+  const FoundBoards found = find_boards(source, board::BoardDetector(in_file), {.progress = false, .page = {}}, {});
+  EXPECT_EQ(found.cameras[0].boards, 1);
+  EXPECT_THAT(found.board_doubt, testing::AllOf(testing::HasSubstr("is in only 1 of its 5 images"),
+                                                testing::HasSubstr("a chessboard of 9x6 inner corners is in them")));
+  try {
+    require_views(found, 4);
+    FAIL() << "they were enough";
+  } catch (const InputError& error) {
+    EXPECT_THAT(error.what(), testing::HasSubstr("is inner_corners right?"));
+  }
+}
+
 // Half of the markers of such a board lie as the file says, one square beside their places.
 TEST(FindBoards, RefusesABoardFileThatExplainsHalfOfTheMarkers) {
   const board::Board in_file{.type = board::BoardType::charuco, .columns = 6, .rows = 8, .marker = 0.0225};
   board::Board real = in_file;
   real.legacy = true;
-  CharucoPictures source({real, real, real});
+  BoardPictures source({real, real, real});
   try {
     find_boards(source, board::BoardDetector(in_file), {.progress = false, .page = {}}, {});
     FAIL() << "it was taken";
@@ -152,7 +170,7 @@ TEST(FindBoards, MeasuresTheCirclesDiameterIfTheFileHasNone) {
   without.diameter = 0;
   wrong.diameter = 0.01;
   const auto found = [&](const board::Board& in_file) {
-    CharucoPictures source({real, real});
+    BoardPictures source({real, real});
     return find_boards(source, board::BoardDetector(in_file), {.progress = false, .page = {}}, {});
   };
   EXPECT_NEAR(found(without).board.diameter, 0.016, 0.0005);

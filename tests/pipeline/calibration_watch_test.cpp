@@ -100,6 +100,26 @@ TEST(CalibrationWatch, InflatesTheCovarianceByAnUnreportedTurn) {
   EXPECT_EQ(watch.trust()[1].pose_covariance.norm(), 0);
 }
 
+// A replay that begins again, before the knock: the room is the learnt one, so the camera stands as at the start at
+// once.
+TEST(CalibrationWatch, ComparesWithTheLearntRoomAfterAJump) {
+  CalibrationWatch watch = after_turn(0.8, CalibrationMode::leave_out);
+  ASSERT_FALSE(watch.trust()[0].is_used);
+  watch.begin_anew();
+  FilmedRoom room(Film{});
+  for (int k = 0; k < 15; ++k) {
+    capture::FrameSet set;
+    set.frames.resize(3);
+    set.frames[0] = room.frame(6 + k / 15.0);
+    set.at = set.frames[0]->captured_at;
+    watch.look(set);
+    watch.learn({});
+  }
+  EXPECT_EQ(watch.cameras()[0].room.state, room_watch::RoomState::still);
+  EXPECT_FALSE(watch.cameras()[0].moved);
+  EXPECT_TRUE(watch.trust()[0].is_used);
+}
+
 TEST(CalibrationWatch, LeavesOutOnlyThatCamera) {
   const CalibrationWatch watch = after_turn(0.8, CalibrationMode::leave_out);
   EXPECT_FALSE(watch.trust()[0].is_used);

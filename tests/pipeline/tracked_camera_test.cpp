@@ -131,18 +131,21 @@ class FakeTracker final : public camera_tracking::CameraTracker {
     e.frame_number = frames_++;
     return e;
   }
+  void begin_anew() override { begun_anew_at_.push_back(frames_); }
   std::string why_no_pose() const override { return "frame " + std::to_string(frames_ - 1) + " is grey"; }
   camera_tracking::CameraTrackerInside inside() const override { return {}; }
   std::vector<camera_tracking::CameraMapPoint> map() const override {
     return std::vector<camera_tracking::CameraMapPoint>(3);
   }
   void save_map(const fs::path& file) const override { std::ofstream(file) << "new"; }
+  const std::vector<std::uint64_t>& begun_anew_at() const { return begun_anew_at_; }
 
  private:
+  std::vector<std::uint64_t> begun_anew_at_;  // numbers of the next frames
   std::uint64_t first_, last_, frames_ = 0;
 };
 
-// Ten frames, a second apart.
+// Ten frames, a second apart; the seventh shows another moment.
 class OneGreyCamera final : public capture::FrameSource {
  public:
   std::optional<capture::Frame> next(std::stop_token) override {
@@ -153,6 +156,8 @@ class OneGreyCamera final : public capture::FrameSource {
     frame.pixels = capture::make_image(capture::PixelFormat::grey, capture::ColorRange::full, 32, 24).image;
     return frame;
   }
+
+  std::uint64_t jumps() const override { return made_ > 6 ? 1 : 0; }
 
  private:
   int made_ = 0;
@@ -193,6 +198,11 @@ TEST_F(TrackedCamera, TheReasonComesWithItsFrame) {
   EXPECT_EQ(figures.state, camera_tracking::PoseState::lost);
   EXPECT_EQ(figures.without_since, capture::Timestamp(5s));
   EXPECT_EQ(no_pose_warning("cam0", figures), "camera cam0: no pose for 4 s (lost): frame 9 is grey");
+}
+
+TEST_F(TrackedCamera, TheTrackerBeginsAnewAfterAJump) {
+  const Pipeline& pipeline = run(0, 9, {});
+  EXPECT_THAT(dynamic_cast<const FakeTracker&>(*pipeline.camera_tracker()).begun_anew_at(), testing::ElementsAre(6u));
 }
 
 TEST_F(TrackedCamera, AnEarlierMapIsKeptIfThereNeverWasAPose) {

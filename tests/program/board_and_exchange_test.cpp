@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <sstream>
 #include <variant>
 
 #include "calib/board/board_yaml.h"
@@ -99,6 +100,35 @@ TEST_F(Commands, ImportAndExport) {
   EXPECT_EQ(before, text(path("back.yaml")));
   EXPECT_EQ(run({"import", path("out/calibration.toml"), "--unit", "furlong", "--rig", path("back.yaml")}),
             ExitStatus::failed);
+}
+
+// Three cameras around a place, of which the file has the inverted poses.
+TEST_F(Commands, ADoubtfulImportEndsWith2AndKeepsTheRig) {
+  std::string text_of_poses = "{";
+  for (int c = 0; c < 3; ++c) {
+    const Eigen::Vector3d centre(3 * std::cos(2.1 * c), 3 * std::sin(2.1 * c), 1.5);
+    const Eigen::Vector3d z = (Eigen::Vector3d(0.6, -0.5, 0.3) - centre).normalized(),
+                          x = z.cross(Eigen::Vector3d::UnitZ()).normalized(), y = z.cross(x).normalized();
+    std::ostringstream rows;
+    rows.precision(12);
+    rows << "[[" << x.x() << "," << y.x() << "," << z.x() << "," << centre.x() << "],[" << x.y() << "," << y.y() << ","
+         << z.y() << "," << centre.y() << "],[" << x.z() << "," << y.z() << "," << z.z() << "," << centre.z()
+         << "],[0,0,0,1]]";
+    text_of_poses += (c == 0 ? "\"cam" : ",\"cam") + std::to_string(c) +
+                     "\": {\"K\": [[500,0,320],[0,500,240],[0,0,1]], \"D\": [0,0,0,0,0], \"size\": [640,480], "
+                     "\"extrinsics\": " +
+                     rows.str() + "}";
+  }
+  std::ofstream(path("inverted.json")) << text_of_poses << "}";
+  EXPECT_EQ(run({"import", path("inverted.json"), "--inverted-poses", "--rig", path("rig.yaml")}), ExitStatus::usable)
+      << said_;
+  const std::string before = text(path("rig.yaml"));
+  EXPECT_EQ(run({"import", path("inverted.json"), "--rig", path("rig.yaml")}), ExitStatus::doubtful) << said_;
+  EXPECT_THAT(out_, AllOf(HasSubstr("--inverted-poses"), HasSubstr("rig.doubtful.yaml: 3 cameras")));
+  EXPECT_EQ(text(path("rig.yaml")), before);
+  EXPECT_EQ(calib::read_rig(path("rig.doubtful.yaml")).cameras.size(), 3u);
+  EXPECT_EQ(run({"import", path("inverted.json"), "--rig", path("rig.yaml"), "--overwrite"}), ExitStatus::doubtful);
+  EXPECT_NE(text(path("rig.yaml")), before);
 }
 
 TEST_F(Commands, ExportDoesNotReplaceTheRigThatItReads) {

@@ -529,6 +529,7 @@ TEST_F(Replay, NamesAFileThatIsNoVideo) {
   capture::write_clip(folder / "none.avi", {.codec = "mjpeg", .format = AV_PIX_FMT_YUVJ420P, .frames = 0});
   EXPECT_THAT(error_of("frames: none.avi, fps: 10"), names_it("none.avi", ""));
   EXPECT_THAT(error_of("frames: img/%04d.png, fps: 10"), names_it("img/%04d.png", "no file matches"));
+  EXPECT_THAT(error_of("frames: img/%04d.png, fps: 10"), HasSubstr("; there is no folder "));
   EXPECT_THAT(error_of("frames: \"img/*.png\", fps: 10"), names_it("img/*.png", "no file matches"));
   EXPECT_THAT(error_of("frames: img/%s.png, fps: 10"), HasSubstr("one number like %06d"));
   capture::write_clip(folder / "a.mkv", {.frames = 2});

@@ -137,7 +137,7 @@ TEST(Advice, HasTheseSentences) {
       advised_as("no two cameras agree on how the ball moved, so their poses cannot be found",
                  Fault::contradicting_motion),
       "no two cameras agree on how the ball moved, so their poses cannot be found: is its colour seen on "
-      "anything else that moves? Give a rig with approximate poses, or wave for longer, through the whole volume");
+      "anything else that moves? Wave for longer, through the whole volume, or begin with a rig of approximate poses");
   EXPECT_EQ(advised_as("cam2: cannot be placed", Fault::unplaced_camera),
             "cam2: cannot be placed. Wave the ball where it and two other cameras see it at once");
   EXPECT_EQ(advised_as("they are not right, or the cameras' names are swapped", Fault::wrong_poses),

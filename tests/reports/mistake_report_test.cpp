@@ -69,5 +69,16 @@ TEST_F(MistakeReportOfLime, SaysNothingOfTheRadiusWhileACameraStandsElsewhere) {
   EXPECT_THAT(report.warnings(), testing::IsEmpty());
 }
 
+// What was measured before a camera was knocked holds.
+TEST_F(MistakeReportOfLime, ARadiusThatWasMeasuredBeforeACameraMovedStays) {
+  see(0, {{.kind = MistakeKind::radius, .size = 0.05, .range_m = {0.045, 0.055}}});
+  std::vector<pipeline::CameraCalibration> calibration(2);
+  calibration[1].moved.emplace();
+  see(1, {{.kind = MistakeKind::radius, .size = 0.07, .range_m = {0.065, 0.075}}}, calibration);
+  EXPECT_TRUE(report.do_views_contradict());
+  EXPECT_THAT(report.warnings(), ElementsAre(HasSubstr("0.045 to 0.055 m")));
+  EXPECT_THAT(report.summary(), ElementsAre(HasSubstr("0.045 to 0.055 m")));
+}
+
 }  // namespace
 }  // namespace huetrack::reports

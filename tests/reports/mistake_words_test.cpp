@@ -34,6 +34,9 @@ TEST(MistakeWords, NameCameraSizeAndRemedy) {
   EXPECT_THAT(text({MistakeKind::zoomed, {1}, 0.91, 8}),
               AllOf(HasSubstr("right disagrees with the others by 8 px"), HasSubstr("focal length looks 0.91 times")));
   EXPECT_THAT(text({MistakeKind::mirrored, {1}, 0, 30}), HasSubstr("its pictures look mirrored"));
+  EXPECT_THAT(text({MistakeKind::mirrored, {0, 1}, 0, 30}),
+              AllOf(HasSubstr("left and right disagree by 30 px, and agree if left and right of one of them"),
+                    HasSubstr("two cameras do not show whose")));
   EXPECT_THAT(text({MistakeKind::upside_down, {}, 0, 30}),
               HasSubstr("the cameras disagree by 30 px, and agree if all pictures are turned by 180 degrees"));
   EXPECT_THAT(text({MistakeKind::upside_down, {1}, 0, 30}),

@@ -2,6 +2,8 @@
 
 #include <gmock/gmock.h>
 
+#include "scene/lime.h"
+
 namespace huetrack::reports {
 namespace {
 
@@ -17,6 +19,39 @@ TEST(ExtraObjectText, NamesPlaceAndRemedy) {
   target.count = 3;
   EXPECT_THAT(extra_object_text(target, {0.31, 0.12, 1.1}),
               AllOf(HasSubstr("more objects than the 3 of its count"), HasSubstr("raise count")));
+}
+
+// As the summary of a replay does, the live status hints at a hue in OpenCV's units.
+TEST(ObjectReport, WarnsOfATargetWhoseSigmaExceedsItsRadius) {
+  config::ServiceConfig config;
+  config.rig = scene::lime_that_flies().rig;
+  config.targets = {scene::lime()};
+  config.targets[0].color.hue_min_deg = 33, config.targets[0].color.hue_max_deg = 57;
+  ObjectReport report(config);
+  const auto see = [&](int sets, double sigma_m) {
+    object_tracking::ObjectEstimate estimate;
+    estimate.state = object_tracking::TrackState::tracking;
+    estimate.covariance = sigma_m * sigma_m * Eigen::Matrix3d::Identity();
+    for (int k = 0; k < sets; ++k) {
+      const std::vector<object_tracking::ObjectEstimate> estimates{estimate};
+      capture::FrameSet frames;
+      report.on_set({.frames = frames,
+                     .estimates = estimates,
+                     .received_at = {},
+                     .trackers = {},
+                     .calibration = {},
+                     .mistakes = {}});
+    }
+  };
+  see(150, 0.005);
+  EXPECT_THAT(report.warnings(), testing::IsEmpty());
+  see(301, 0.2);
+  EXPECT_THAT(report.warnings(), testing::ElementsAre(AllOf(HasSubstr("lime: its sigma was above its radius"),
+                                                            HasSubstr("from OpenCV"), HasSubstr("write [66, 114]"))));
+  EXPECT_THAT(report.summary(), testing::IsEmpty());
+  config.targets[0].color.hue_min_deg = 66, config.targets[0].color.hue_max_deg = 114;
+  report.on_config(config);
+  EXPECT_THAT(report.warnings(), testing::IsEmpty());
 }
 
 }  // namespace

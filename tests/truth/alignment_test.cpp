@@ -114,6 +114,32 @@ TEST_F(ClockOffsets, AScaleIsNamed) {
   EXPECT_THAT(to_text(*found, 0), testing::HasSubstr("a scale of 0."));
 }
 
+// A path that leaves every plane: in a plane a mirrored path is a turned one.
+TEST_F(ClockOffsets, MirroredAxesAreNamed) {
+  const auto out_of_plane = [](double t) { return Eigen::Vector3d(swing(t) + Eigen::Vector3d(0, 0, std::sin(2 * t))); };
+  std::string y_negated = "t,ball,x,y,z\n", exchanged = y_negated;
+  for (int i = 0; i <= 400; ++i) {
+    const Eigen::Vector3d p = out_of_plane(0.01 * i);
+    y_negated += fmt::format("{:.6f},ball,{:.9f},{:.9f},{:.9f}\n", 0.01 * i, p.x(), -p.y(), p.z());
+    exchanged += fmt::format("{:.6f},ball,{:.9f},{:.9f},{:.9f}\n", 0.01 * i, p.x(), p.z(), p.y());
+  }
+  std::vector<Estimated> estimates = track(1, 0);
+  for (Estimated& e : estimates)
+    e.position = out_of_plane(std::chrono::duration<double>(e.at.time_since_epoch()).count());
+  const auto negated = explained(truth(y_negated), estimates);
+  ASSERT_TRUE(negated && negated->mirrored);
+  EXPECT_EQ(negated->mirrored->axis, 1);
+  EXPECT_THAT(to_text(*negated, 0), testing::AllOf(testing::HasSubstr("negate y in the truth"),
+                                                   testing::HasSubstr("one world is left-handed")));
+  const auto of_exchanged = explained(truth(exchanged), estimates);
+  ASSERT_TRUE(of_exchanged && of_exchanged->mirrored);
+  EXPECT_FALSE(of_exchanged->mirrored->axis);
+  EXPECT_THAT(to_text(*of_exchanged, 0), testing::HasSubstr("or exchange two"));
+  const auto turned = explained(swinging(1), moved(track(1, 0), 0.3, {1, 2, 3}));
+  ASSERT_TRUE(turned);
+  EXPECT_FALSE(turned->mirrored);
+}
+
 // What is left of the error where a clock offset explains most of it.
 TEST_F(ClockOffsets, WhatIsLeftAfterAlignmentIsSaid) {
   const auto found = explained(swinging(1), moved(track(1, 0.05), 0.01, {0, 0, 0}));

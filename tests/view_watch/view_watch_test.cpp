@@ -157,6 +157,44 @@ TEST_F(ViewWatchOfScene, anEstimatedLatencyIsNamed) {
   EXPECT_NEAR(mistakes[0].size, 0.1, 0.025);
 }
 
+// Two cameras, and a ball that strolls: late frames are a few pixels off, which a turn would explain as well.
+TEST_F(ViewWatchOfScene, ALateCameraOfTwoIsNotNamedAsTurned) {
+  for (const double speed : {0.6, 1.0, 1.6}) {
+    SetUp();
+    scene.rig.cameras.resize(2);
+    rig = scene.rig;
+    scene.balls[0].path = [speed](double t) {
+      return Vector3d(0.4 * std::sin(speed * t), 0.4 * std::cos(0.8 * speed * t), 1 + 0.2 * std::sin(1.3 * speed * t));
+    };
+    spoil = [](std::vector<capture::FrameSet>& sets) {
+      constexpr std::size_t frames = 8;
+      for (std::size_t i = sets.size(); i-- > 0;)
+        sets[i].frames[1]->pixels = sets[i < frames ? 0 : i - frames].frames[1]->pixels;
+    };
+    watch(12);
+    for (const Mistake& mistake : ever)
+      EXPECT_TRUE(mistake.kind == MistakeKind::late || mistake.kind == MistakeKind::uneven_times)
+          << speed << " " << name(mistake.kind) << " " << mistake.size;
+  }
+}
+
+TEST_F(ViewWatchOfScene, OfTwoCamerasBothMayBeMirrored) {
+  scene.rig.cameras.resize(2);
+  rig = scene.rig;
+  format = capture::PixelFormat::i444;
+  spoil = [](std::vector<capture::FrameSet>& sets) {
+    for (auto& set : sets)
+      set.frames[1]->pixels = capture::turned(set.frames[1]->pixels, {.column_by_column = -1, .row_by_row = 1});
+  };
+  watch(6);
+  const auto mirrored = std::ranges::find(ever, MistakeKind::mirrored, &Mistake::kind);
+  ASSERT_NE(mirrored, ever.end());
+  for (const Mistake& mistake : ever) {
+    if (mistake.kind != MistakeKind::mirrored) continue;
+    EXPECT_THAT(mistake.cameras, testing::Contains(1));
+  }
+}
+
 // Before the right camera is certain no other one is named: a larger turn of another camera explains a ball that moves
 // little, too, but worse.
 TEST_F(ViewWatchOfScene, noOtherCameraIsBlamed) {

@@ -98,6 +98,13 @@ class KeyframeTracker final : public CameraTracker {
     return estimate;
   }
 
+  void begin_anew() override {
+    if (!started_) return;
+    state_ = PoseState::lost;
+    pending_start_.reset();
+    tracking_.forget();
+  }
+
   std::string why_no_pose() const override {
     if (state_ == PoseState::searching) return starter_.why_not();
     if (state_ != PoseState::lost) return {};

@@ -52,6 +52,13 @@ class LedTracker final : public CameraTracker {
     return estimate;
   }
 
+  void begin_anew() override {
+    filter_->forget();
+    if (offset_search_) offset_search_->forget();
+    offset_is_proven_ = has_pose_ = false;
+    recent_.clear();
+  }
+
   std::string why_no_pose() const override {
     if (has_pose_ || recent_.empty()) return {};
     if (std::ranges::all_of(recent_, [](const Recent& r) { return r.dots == 0; }))

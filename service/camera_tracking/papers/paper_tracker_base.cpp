@@ -98,6 +98,13 @@ CameraEstimate PaperTrackerBase::update(const capture::Frame& frame) {
   return estimate;
 }
 
+void PaperTrackerBase::begin_anew() {
+  if (!started_) return;
+  state_ = PoseState::lost;
+  unsupported_ = patience;
+  probation_ = probation;
+}
+
 void PaperTrackerBase::relocalise_into_map(const Pyramid& pyramid, std::uint64_t number) {
   const auto found = proposal(pyramid, number);
   if (!found) return;

@@ -27,6 +27,7 @@ struct FilteredPose {  // a filter's result for one frame
 class PaperTrackerBase : public CameraTracker {
  public:
   CameraEstimate update(const capture::Frame& frame) final;
+  void begin_anew() final;
   std::string why_no_pose() const final;
   void save_map(const std::filesystem::path& file) const final;
 
