@@ -50,7 +50,7 @@ struct Room {
   }
   ObjectExistence begun(const Birth& birth) const {
     ObjectExistence existence;
-    existence.begin({}, birth, {}, radius_m, 2, ObjectTrackerOptions{}, MotionState(scene.rig, false), clutter, still);
+    existence.begin({}, birth, {}, radius_m, ObjectTrackerOptions{}, MotionState(scene.rig, false), clutter, still);
     return existence;
   }
 };

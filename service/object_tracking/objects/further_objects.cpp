@@ -31,6 +31,7 @@ void FurtherObject::note(capture::Timestamp set_at, const std::optional<Eigen::V
 FurtherObjectWatch::FurtherObjectWatch(const TargetOptions& target, const ObjectTrackerOptions& options,
                                        std::span<const SizeInView> sizes)
     : target_(target),
+      options_(options),
       births_(target, options, options.volume),
       size_in_view_(sizes.begin(), sizes.end()),
       finders_(sizes.size()),
@@ -57,7 +58,8 @@ void FurtherObjectWatch::note_untracked(capture::Timestamp set_at) {
 }
 
 void FurtherObjectWatch::look(const std::vector<TargetView>& views, std::span<const Sighting> sightings,
-                              const MotionState& state, const StaticClutterMask& still, capture::Timestamp set_at) {
+                              const MotionState& state, const ClutterMap& clutter, const StaticClutterMask& still,
+                              capture::Timestamp set_at) {
   nothing_since_.reset();
   if (views.size() < 2) return;
   if (looked_at_ && set_at < *looked_at_) looked_at_.reset(), is_second_ = false;
@@ -78,7 +80,10 @@ void FurtherObjectWatch::look(const std::vector<TargetView>& views, std::span<co
   }
   is_second_ = false;
   const auto other = std::ranges::find_if(births, [&](const Birth& birth) {
-    return (birth.now.position - state.position()).norm() > sighting_tuning.extent_radii * target_.radius_m;
+    if ((birth.now.position - state.position()).norm() <= sighting_tuning.extent_radii * target_.radius_m) return false;
+    ObjectExistence existence;
+    existence.begin(set_at, birth, views, target_.radius_m, options_, state, clutter, still);
+    return existence.is_sure();
   });
   further_.note(set_at, other == births.end() ? std::nullopt : std::optional(other->now.position));
 }

@@ -9,6 +9,7 @@
 #include "color/color_region.h"
 #include "object_tracking/motion_state.h"
 #include "object_tracking/objects/object_births.h"
+#include "object_tracking/objects/object_existence.h"
 #include "object_tracking/objects/object_search.h"
 #include "object_tracking/objects/static_clutter_mask.h"
 #include "object_tracking/sighting.h"
@@ -30,7 +31,7 @@ class FurtherObject {
 };
 
 // While one object is tracked in a room that does not share its colour: once a second, searches whole images in two
-// frame sets for a birth as among several objects (object_births.h). thread-compatible.
+// frame sets for a birth (object_births.h) whose existence is sure. thread-compatible.
 class FurtherObjectWatch {
  public:
   // sizes: of the target, per camera of the rig
@@ -39,7 +40,8 @@ class FurtherObjectWatch {
 
   // The target was tracked in this set by these sightings.
   void look(const std::vector<object_tracking::TargetView>& views, std::span<const object_tracking::Sighting> sightings,
-            const object_tracking::MotionState& state, const StaticClutterMask& still, capture::Timestamp set_at);
+            const object_tracking::MotionState& state, const ClutterMap& clutter, const StaticClutterMask& still,
+            capture::Timestamp set_at);
   // It was not tracked, or the room shares the colour.
   void note_untracked(capture::Timestamp set_at);
   const std::optional<Eigen::Vector3d>& published() const { return further_.published(); }
@@ -48,6 +50,7 @@ class FurtherObjectWatch {
   void find_others(const std::vector<object_tracking::TargetView>& views, const object_tracking::MotionState& state);
 
   object_tracking::TargetOptions target_;
+  object_tracking::ObjectTrackerOptions options_;
   ObjectBirths births_;
   std::vector<SizeInView> size_in_view_;                  // per camera
   std::vector<color::RegionFinder> finders_;              // per camera

@@ -145,8 +145,9 @@ double ClutterMap::density(std::size_t camera, const Eigen::Vector2d& px) const 
 }
 
 void ObjectExistence::begin(capture::Timestamp set_at, const Birth& birth, const std::vector<TargetView>& views,
-                            double radius_m, double largest_m, const ObjectTrackerOptions& options,
-                            const MotionState& times, const ClutterMap& clutter, const StaticClutterMask& still) {
+                            double radius_m, const ObjectTrackerOptions& options, const MotionState& times,
+                            const ClutterMap& clutter, const StaticClutterMask& still) {
+  const double largest_m = (options.volume.max - options.volume.min).maxCoeff();
   const double speed_m_s = options.start_speed_m_s, travel_m = speed_m_s * birth.dt;
   const Eigen::Matrix3d of_velocity = speed_m_s * speed_m_s * Eigen::Matrix3d::Identity();
   const ExpectedPlace anywhere{.position = birth.earlier.position,

@@ -58,9 +58,9 @@ struct ExpectedPlace {
 // thread-compatible; one per object.
 class ObjectExistence {
  public:
-  // From its first two sets. largest_m: extent of the searched volume.
+  // From its first two sets.
   void begin(capture::Timestamp set_at, const Birth& birth, const std::vector<object_tracking::TargetView>& views,
-             double radius_m, double largest_m, const object_tracking::ObjectTrackerOptions& options,
+             double radius_m, const object_tracking::ObjectTrackerOptions& options,
              const object_tracking::MotionState& times, const ClutterMap& clutter, const StaticClutterMask& still);
   // By one frame set, before the filter's update; power_density: that of the filter.
   void update(capture::Timestamp set_at, const object_tracking::MotionState& state, double power_density,

@@ -344,8 +344,8 @@ bool ManyTracker::continue_track(const Birth& birth, const std::vector<TargetVie
 
 void ManyTracker::start(Object& object, const Birth& birth, const std::vector<TargetView>& views,
                         capture::Timestamp set_at) {
-  object.existence.begin(set_at, birth, views, target_.radius_m, (options_.volume.max - options_.volume.min).maxCoeff(),
-                         options_, object.filter.motion(), clutter_, clutter_mask_);
+  object.existence.begin(set_at, birth, views, target_.radius_m, options_, object.filter.motion(), clutter_,
+                         clutter_mask_);
   object.sightings = object.filter.start(birth.earlier, birth.now, consistency_, set_at, birth.dt, sets_apart_ == 0,
                                          object.last_published);
   if (lead_ == nullptr) consistency_.compare_found(object.filter.motion(), object.sightings);

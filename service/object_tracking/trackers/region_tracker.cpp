@@ -65,7 +65,7 @@ void RegionTracker::learn() {
   if (clutter_mask_.is_room_shared() && is_followed()) add_expected(views, filter_.motion(), target_.radius_m, tracked);
   clutter_mask_.learn(views, tracked, last_at_);
   if (state_ == TrackState::tracking && !clutter_mask_.is_room_shared())
-    further_.look(views, sightings_, filter_.motion(), clutter_mask_, last_at_);
+    further_.look(views, sightings_, filter_.motion(), clutter_, clutter_mask_, last_at_);
   else
     further_.note_untracked(last_at_);
 }
@@ -198,8 +198,7 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
       (find->now.position - filter_.motion().position()).norm() < sighting_tuning.same_object_radii * target_.radius_m)
     return;
   ObjectExistence found;
-  found.begin(set.at, *find, views, target_.radius_m, (options_.volume.max - options_.volume.min).maxCoeff(), options_,
-              times, clutter_, clutter_mask_);
+  found.begin(set.at, *find, views, target_.radius_m, options_, times, clutter_, clutter_mask_);
   // Two hypotheses: the likelier one is tracked.
   if (state_ == TrackState::coasting && found.log_odds() <= existence_.log_odds()) return;
   MotionState about = filter_.motion();
