@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <functional>
 #include <map>
 #include <numeric>
 #include <optional>
@@ -373,6 +374,31 @@ std::vector<std::vector<std::size_t>> other_orders(const std::vector<fs::path>& 
     if (!std::ranges::is_sorted(order)) orders.insert(std::move(order));
   }
   return {orders.begin(), orders.end()};
+}
+
+std::vector<fs::path> several_series(const std::vector<fs::path>& files) {
+  const NameOrder order(files);
+  if (order.is_hexadecimal()) return {};
+  struct Series {
+    const fs::path* first;
+    std::set<std::vector<double>> numbers;
+  };
+  std::map<std::string, Series> by_text;
+  for (const fs::path& file : files) {
+    NameOrder::Parts parts = order.parts_of(without_extension(file.native()));
+    by_text.try_emplace(std::move(parts.text), Series{&file, {}})
+        .first->second.numbers.insert(std::move(parts.numbers));
+  }
+  std::vector<const Series*> largest;
+  for (const auto& [text, series] : by_text) largest.push_back(&series);
+  std::ranges::stable_sort(largest, std::greater(), [](const Series* series) { return series->numbers.size(); });
+  if (largest.size() < 2) return {};
+  // A series that goes on under another name, as after a change of cards, counts on.
+  const auto &first = largest[0]->numbers, &second = largest[1]->numbers;
+  const auto both = std::ranges::count_if(second, [&](const auto& numbers) { return first.contains(numbers); });
+  constexpr std::ptrdiff_t of_a_series = 2;  // a single file may be a note, a copy
+  if (both < of_a_series || 2 * std::size_t(both) < second.size()) return {};
+  return {*largest[0]->first, *largest[1]->first};
 }
 
 bool hold_an_order(const std::vector<fs::path>& files) {

@@ -24,6 +24,10 @@ void sort_by_numbers(std::vector<std::filesystem::path>& files);
 // or the one number that varies is as irregular as random ones are.
 bool hold_an_order(const std::vector<std::filesystem::path>& files);
 
+// Of names in two or more series that count the same, as left_0001.jpg ... and right_0001.jpg ...: the first file of
+// the two largest. Empty: one series.
+std::vector<std::filesystem::path> several_series(const std::vector<std::filesystem::path>& files);
+
 // Orders that names of one kind may have, too, where several of their numbers vary: another one of these leads
 // (frame_0_1.png). files: as sort_by_numbers() orders them. Each one as indices of files; empty: there is no other.
 std::vector<std::vector<std::size_t>> other_orders(const std::vector<std::filesystem::path>& files);

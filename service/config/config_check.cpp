@@ -123,6 +123,8 @@ void check_live_cameras(const ServiceConfig& config, const yaml::YamlReader& roo
     if (!index) live.fail(camera.name, not_in_the_rig(camera.name, config.rig));
     const calib::ImageSize calibrated = config.rig.cameras[std::size_t(*index)].image_size;
     check_crop(camera, calibrated, live.map(camera.name));
+    if (camera.fields && camera.send == Sent::matches)
+      live.map(camera.name).fail("fields", "needs the camera's pictures: give send: frames");
     if (camera.size && !camera.crop && *camera.size != calibrated)
       live.map(camera.name)
           .fail("size",

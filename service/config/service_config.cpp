@@ -71,6 +71,8 @@ constexpr std::pair<std::string_view, capture::CaptureFormat> format_words[] = {
     {"nv12", capture::CaptureFormat::nv12},
     {"mjpeg", capture::CaptureFormat::mjpeg},
     {"grey", capture::CaptureFormat::grey}};
+constexpr std::pair<std::string_view, capture::FirstField> field_words[] = {{"top", capture::FirstField::top},
+                                                                            {"bottom", capture::FirstField::bottom}};
 constexpr std::pair<std::string_view, Sent> sent_words[] = {{"frames", Sent::frames}, {"matches", Sent::matches}};
 constexpr std::pair<std::string_view, recordings::RawStorage> raw_storage_words[] = {
     {"uncompressed", recordings::RawStorage::uncompressed}, {"huffyuv", recordings::RawStorage::huffyuv}};
@@ -182,6 +184,8 @@ void describe_device(Io& io, Camera& camera) {
   io.crop_or(
       "crop", "none", camera.crop,
       "[u, v, width, height]; the camera is this part of the device's picture, which others may share; none: all");
+  io.choice_or("fields", "none", camera.fields, Words<capture::FirstField>(field_words),
+               "of an interlaced camera: the field that is exposed first, top (that of row 0) or bottom; it is played");
   io.number_or("fps", "auto", camera.fps, yaml::Range{.min = 0, .max = 10000, .min_is_open = true},
                "frames per second; auto: the driver's choice");
   io.controls("controls", camera.controls, "by their V4L2 names; automatic controls are set first");
@@ -1056,6 +1060,7 @@ CaptureConfig load_capture_config(const fs::path& file) {
     if (camera.crop)
       yaml.fail("crop",
                 "is not for a camera host, which forwards whole pictures: connect the camera to the tracker's host");
+    if (camera.fields) yaml.fail("fields", "belongs to the tracker's configuration");
     if (!camera.size) yaml.fail("size", "is missing: a camera host has no rig; give [width, height] as calibrated");
     if (camera.latency_offset_s) yaml.fail("latency_offset_s", "belongs to the tracker's configuration or the rig");
     for (const LiveCameraConfig& other : config.cameras) {

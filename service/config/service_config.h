@@ -12,6 +12,7 @@
 #include "calib/model/camera_rig.h"
 #include "calib/yaml/yaml_reader.h"
 #include "capture/cropped_source.h"
+#include "capture/frames/picture_layout.h"
 #include "config/camera_tracking_config.h"
 #include "config/room_file.h"
 #include "object_tracking/tracker_options.h"
@@ -46,7 +47,8 @@ struct LiveCameraConfig {
       format;                            // nullopt: the first of yuyv, nv12, mjpeg, grey with this size and rate
   std::optional<calib::ImageSize> size;  // of the device's picture; nullopt: the rig's, the only valid one without crop
   std::optional<capture::Crop> crop;     // the rig's image, as a part of that picture; nullopt: all of it
-  std::optional<double> fps;             // > 0, <= 10000; nullopt: the driver's choice
+  std::optional<capture::FirstField> fields;      // interlaced: the field to play; nullopt: whole pictures
+  std::optional<double> fps;                      // > 0, <= 10000; nullopt: the driver's choice
   std::vector<capture::ControlSetting> controls;  // in the order of the file
   std::optional<double> latency_offset_s;         // read into the rig: Camera::timing.latency_s
   bool restore_controls = false;

@@ -272,6 +272,19 @@ std::string turned_text(const recordings::ReplaySource& source) {
       fmt::join(turned, " and "), turned.size() == 1 ? "the file" : "their files");
 }
 
+// Times that may be counted, not measured; empty: none.
+std::string even_times_text(const recordings::ReplaySource& source) {
+  std::vector<std::string> names;
+  double hz = 0;
+  for (const auto& camera : source.cameras())
+    if (camera.even_hz > 0) names.push_back(camera.name), hz = camera.even_hz;
+  if (names.empty() || source.cameras().size() < 2) return {};
+  return fmt::format(
+      "{}: even times, {:.4g} frames a second, as programs count them: if a camera dropped a frame that its file does "
+      "not count, all its later times are {:.0f} ms too early, and latencies are of a part of the film",
+      fmt::join(names, ", "), hz, 1e3 / hz);
+}
+
 // Cameras that see no target because their pictures have no colour. Empty: none; the tracked camera needs none.
 std::string grey_text(const recordings::ReplaySource& source, const config::ServiceConfig& config) {
   if (config.targets.empty()) return {};
@@ -399,6 +412,7 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   summary.clutter = reports.objects.summary();
   summary.light = reports.light.summary();
   summary.times = reports.times.summary();
+  if (std::string even = even_times_text(playback.source()); !even.empty()) summary.times.push_back(std::move(even));
   summary.calibration = reports.rig.summary();
   summary.has_camera_trouble = reports.rig.has_had_trouble();
   summary.has_lost_color = reports.light.has_lost_color();

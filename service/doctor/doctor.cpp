@@ -138,7 +138,8 @@ void judge_stream(const CameraExam& exam, std::vector<Finding>& findings) {
   else
     findings.push_back({Grade::ok, stamp, ""});
   if (agreed.is_interlaced)
-    findings.push_back({Grade::warning, "interlaced frames: moving objects look like combs", "use a progressive mode"});
+    findings.push_back({Grade::warning, "interlaced frames: moving objects look like combs",
+                        "use a progressive mode, or set fields: top or bottom"});
 }
 
 // Automatic controls change colours and rates while tracking.

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "capture/cropped_source.h"
+#include "capture/field_source.h"
 #include "capture/network_source.h"
 #include "hosts/remote_camera.h"
 
@@ -149,6 +150,20 @@ void refuse_two_names(const std::filesystem::path& file, std::span<const config:
                                 file.string() + ": cameras: " + *both + ": give each its own device");
 }
 
+// Each camera with a source, and those after it without one, whose frames it delivers.
+void watch_fields_of(std::vector<LiveCamera>& cameras, const config::ServiceConfig& config) {
+  std::map<int, capture::FirstField> fields;
+  for (const auto& camera : config.cameras)
+    if (camera.fields) fields.emplace(config.rig.index_of(camera.name).value(), *camera.fields);
+  for (auto camera = cameras.begin(); camera != cameras.end();) {
+    const auto next = std::find_if(std::next(camera), cameras.end(), [](const auto& c) { return c.source != nullptr; });
+    std::vector<LiveCamera*> others;
+    for (auto other = std::next(camera); other != next; ++other) others.push_back(&*other);
+    capture::watch_fields(*camera, std::move(others), fields);
+    camera = next;
+  }
+}
+
 }  // namespace
 
 std::vector<LiveCamera> open_cameras(const config::ServiceConfig& config, const std::stop_token& stop) {
@@ -182,6 +197,7 @@ std::vector<LiveCamera> open_cameras(const config::ServiceConfig& config, const 
     for (auto& camera :
          hosts::RemoteCameras(config.dds.publisher.transport("huetrackd cameras"), std::move(elsewhere)).live())
       cameras.push_back(std::move(camera));
+  watch_fields_of(cameras, config);
   return cameras;
 }
 

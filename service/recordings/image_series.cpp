@@ -90,6 +90,15 @@ bool is_counter_begun_again(const std::vector<fs::path>& files) {
          files::number_of<std::int64_t>(first).value_or(2) <= 1;
 }
 
+// left_*[0-9].jpg of left_0001.jpg, which right_0001.jpg and left_0001_copy.jpg do not match.
+std::string glob_of_series(const fs::path& file) {
+  std::string name = file.filename().string();
+  const std::size_t end = file.stem().string().find_last_of(digits) + 1;  // npos + 1 is 0
+  const std::size_t above = end > 0 ? name.find_last_not_of(digits, end - 1) : 0;
+  const std::size_t begin = above == std::string::npos ? 0 : above + 1;
+  return end > 0 ? name.replace(begin, end - begin, "*[0-9]") : name;
+}
+
 std::vector<ImageFile> files_of_glob(const RecordedCamera& camera) {
   const auto paths = files::files_of_glob(camera.frames.string());
   if (is_counter_begun_again(paths))
@@ -97,6 +106,12 @@ std::vector<ImageFile> files_of_glob(const RecordedCamera& camera) {
                              "the numbers of the pictures begin again after " + paths.back().filename().string() +
                                  ": by numbers the later ones would come first; rename those from " +
                                  paths.front().filename().string() + " on, as to 10000 and so on (frames of camera " +
+                                 camera.name + ")");
+  if (const auto series = files::several_series(paths); camera.timestamps.empty() && !series.empty())
+    throw files::ConfigError(camera.frames, 0,
+                             "matches several series of pictures, which count the same: that of " +
+                                 series[0].filename().string() + " and that of " + series[1].filename().string() +
+                                 ": name one, as \"" + glob_of_series(series[0]) + "\" (frames of camera " +
                                  camera.name + ")");
   // Whoever lists times for the files knows their order.
   if (camera.timestamps.empty() && !files::hold_an_order(paths))

@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "calib/files/file_order.h"
-#include "recordings/brightness.h"
+#include "capture/frames/brightness.h"
 
 namespace huetrack::recordings {
 namespace {
@@ -54,7 +54,7 @@ Blocks blocks_of(const capture::Image& image) {
   const int px = std::max(order_tuning.least_block_px,
                           (image.width + order_tuning.blocks_across - 1) / order_tuning.blocks_across);
   Blocks blocks{.width = image.width / px, .height = image.height / px, .levels = {}};
-  const Brightness pixels = brightness_of(image);
+  const capture::Brightness pixels = capture::brightness_of(image);
   std::vector<int> sums(static_cast<std::size_t>(blocks.width));
   for (int row = 0; row < blocks.height; ++row) {
     std::ranges::fill(sums, 0);

@@ -14,10 +14,10 @@
 
 #include "calib/files/config_error.h"
 #include "calib/files/nearest_word.h"
+#include "capture/frames/comb_watch.h"
 #include "capture/frames/crop.h"
 #include "capture/timing/camera_clock.h"
 #include "recordings/bag_pictures.h"
-#include "recordings/comb_watch.h"
 #include "recordings/jpeg_stream.h"
 #include "recordings/matches_reader.h"
 #include "recordings/order_watch.h"
@@ -266,6 +266,10 @@ class Stream {
       last_stamp_ = stamp;
       const capture::Timestamp at = has_exact_times() ? *stamp : clock_.smoothed(*stamp);
       last_index_ = picture->index;
+      if (camera_.received.empty()) {
+        even_times_.see(picture->index, *stamp);
+        info_.even_hz = even_times_.hz();
+      }
       if (!first_index_) first_index_ = picture->index;
 
       capture::Frame frame{.camera = camera_index_,
@@ -408,9 +412,20 @@ class Stream {
 
   void judge_listed_times() {
     if (camera_.trusts_times) return;
+    if (const auto rounding = remark_on_rounding(camera_))
+      warn(camera_.times_file.filename().string() + ": " + *rounding);
     const auto problem = problem_of_listed_times(camera_, reader_->frame_period());
     if (problem && problem->is_of_unit) throw files::ConfigError(camera_.times_file, 0, problem->text);
-    if (problem) contradict(camera_.times_file.filename().string() + ": " + problem->text);
+    if (problem) {
+      contradict(camera_.times_file.filename().string() + ": " + problem->text);
+      return;
+    }
+    const auto remark = remark_on_measured_rate(camera_, reader_->frame_period(), reader_->frame_count());
+    if (!remark) return;
+    if (remark->is_mistake)
+      contradict(remark->text);
+    else
+      warn(remark->text);
   }
 
   bool has_the_size(const Shown& picture) {
@@ -435,7 +450,7 @@ class Stream {
       throw files::ConfigError(
           camera_.frames, 0,
           "is turned by a tag, so fields: cannot be applied to its rows (frames of camera " + camera_.name + ")");
-    std::optional<StatedFields> stated;
+    std::optional<capture::StatedFields> stated;
     if (camera_.first_field)
       stated = {.first = *camera_.first_field};
     else if (picture.tagged_field)
@@ -519,8 +534,9 @@ class Stream {
   std::optional<std::int64_t> first_index_, last_index_;  // in the stream, of the played pictures
   std::optional<std::uint32_t> last_number_;              // Frame::sequence
   std::optional<TimesBesideFilm> stated_times_;
+  EvenTimes even_times_;
   std::optional<OrderWatch> order_;  // of a series of files
-  CombWatch combs_;
+  capture::CombWatch combs_;
   std::vector<std::string> mistakes_;
   std::int64_t unstamped_ = 0, back_count_ = 0;             // left out
   std::pair<std::int64_t, capture::Timestamp> first_back_;  // index, and the time before
@@ -561,6 +577,21 @@ void warn_of_times_apart(const Recording& recording, const std::vector<std::uniq
   }
 }
 
+// One file for two cameras, as a copied line has it; parts of one picture differ.
+std::vector<std::string> files_given_twice(const Recording& recording, std::span<const std::string> names) {
+  std::vector<std::string> mistakes;
+  std::vector<const RecordedCamera*> played;
+  for (const auto& camera : recording.cameras)
+    if (std::ranges::find(names, camera.name) != names.end()) played.push_back(&camera);
+  for (std::size_t b = 1; b < played.size(); ++b)
+    for (std::size_t a = 0; a < b; ++a)
+      if (played[a]->frames == played[b]->frames && played[a]->topic == played[b]->topic &&
+          played[a]->crop == played[b]->crop)
+        mistakes.push_back(fmt::format("{}: is given for both {} and {}: give each camera its own file",
+                                       played[a]->frames.string(), played[a]->name, played[b]->name));
+  return mistakes;
+}
+
 // Films whose clocks do not start at 0: no file says whether they started together, or share one clock.
 void warn_of_clocks_apart(const std::vector<std::unique_ptr<Stream>>& streams, std::vector<std::string>& warnings) {
   const Stream* first = nullptr;
@@ -588,6 +619,7 @@ std::vector<std::string> ReplayOptions::problems() const {
 
 struct ReplaySource::Impl {
   std::vector<std::string> warnings;
+  std::vector<std::string> mistakes;  // of no camera alone
   std::vector<std::unique_ptr<Stream>> streams;
   mutable std::vector<ReplayCamera> cameras;
   bool repeats_arrivals = false;  // in order of arrival: all cameras' rows have it
@@ -625,6 +657,8 @@ ReplaySource::ReplaySource(const Recording& recording, std::span<const std::stri
         std::make_unique<Stream>(static_cast<int>(c), camera, recording.file, timing, options, impl_->warnings));
     impl_->cameras.push_back(impl_->streams.back()->info());
   }
+  impl_->mistakes = files_given_twice(recording, camera_names);
+  std::ranges::copy(impl_->mistakes, std::back_inserter(impl_->warnings));
   warn_of_times_apart(recording, impl_->streams, impl_->warnings);
   warn_of_clocks_apart(impl_->streams, impl_->warnings);
   impl_->repeats_arrivals =
@@ -672,7 +706,7 @@ std::optional<capture::Timestamp> ReplaySource::first_at() const {
 }
 
 std::vector<std::string> ReplaySource::mistakes() const {
-  std::vector<std::string> all;
+  std::vector<std::string> all = impl_->mistakes;
   for (const auto& stream : impl_->streams) std::ranges::copy(stream->mistakes(), std::back_inserter(all));
   return all;
 }

@@ -29,9 +29,12 @@ struct ReplayCamera {
   int height = 0;
   capture::PixelFormat format = capture::PixelFormat::grey;  // of the first frame
   capture::ColorRange range = capture::ColorRange::limited;
-  bool is_turned = false;                       // as a tag of the file says
-  bool is_grey = false;                         // no picture so far has a colour
-  capture::Duration frame_period{0};            // usual time between two frames; 0 when unknown
+  bool is_turned = false;             // as a tag of the file says
+  bool is_grey = false;               // no picture so far has a colour
+  capture::Duration frame_period{0};  // usual time between two frames; 0 when unknown
+  // Hz, if all its times are even so far, as those that a program counts: a frame that was dropped is not in them. 0:
+  // they vary, or our recorder stored a driver's stamps.
+  double even_hz = 0;
   std::optional<capture::Timestamp> first_at;   // capture time of the first frame; nullopt: the camera delivered none
   std::optional<std::int64_t> expected_frames;  // from the file and the time stamps, before all is read
   std::int64_t frames = 0;                      // delivered with an image, so far

@@ -133,6 +133,65 @@ std::optional<TimesProblem> problem_of_listed_times(const RecordedCamera& camera
   return problem;
 }
 
+std::optional<RateRemark> remark_on_measured_rate(const RecordedCamera& camera, capture::Duration film_period,
+                                                  std::optional<std::int64_t> film_frames) {
+  const std::vector<double> steps_s = listed_steps_s(camera);
+  const double film_s = capture::seconds(film_period);
+  if (!(film_s > 0) || !do_vary(steps_s)) return std::nullopt;
+  const double listed_s = median(steps_s);
+  const std::string name = camera.times_file.filename().string();
+  const double ratio = listed_s / film_s;  // listed frames in the time of one
+  if (std::abs(ratio - 1) < film_times.slack) return std::nullopt;
+  const std::string rates =
+      fmt::format("{} says {:.4g}, but the file itself {:.4g} frames a second", name, 1 / listed_s, 1 / film_s);
+  const double listed = static_cast<double>(camera.timestamps.back().first + 1);
+  // Which is nearer, by factors: a row for every frame, or the length of the film?
+  const double missing = film_frames ? std::log(static_cast<double>(*film_frames) / listed) / std::log(ratio) : 0;
+  const bool is_a_multiple = std::lround(std::max(ratio, 1 / ratio)) >= 2;
+  if (is_a_multiple && missing > 0.5)
+    return RateRemark{
+        fmt::format("{}, and numbers {:.0f} frames of its {}, which last as long: its numbers are not those of the "
+                    "film's frames, so the times are wrong: {}; if the numbers are right, add {}",
+                    rates, listed, *film_frames,
+                    ratio > 1 ? fmt::format("if it lists one of every {} frames, number them so", std::lround(ratio))
+                              : std::string("give the table of this film"),
+                    how_to_confirm),
+        true};
+  return RateRemark{fmt::format("{}: {}'s times vary, as measured ones do, and are used", rates, name)};
+}
+
+void EvenTimes::see(std::int64_t index, capture::Timestamp at) {
+  if (pictures_++ == 0) {
+    first_ = index, first_at_ = at;
+  } else {
+    const double step_s = capture::seconds(at - last_at_) / static_cast<double>(index - last_);
+    shortest_s_ = pictures_ == 2 ? step_s : std::min(shortest_s_, step_s);
+    longest_s_ = std::max(longest_s_, step_s);
+  }
+  last_ = index, last_at_ = at;
+}
+
+double EvenTimes::hz() const {
+  if (pictures_ <= film_times.enough || longest_s_ - shortest_s_ > film_times.rounding_s) return 0;
+  return static_cast<double>(last_ - first_) / capture::seconds(last_at_ - first_at_);
+}
+
+std::optional<std::string> remark_on_rounding(const RecordedCamera& camera) {
+  using namespace std::chrono_literals;
+  if (!do_vary(listed_steps_s(camera))) return std::nullopt;
+  for (const capture::Duration unit : {capture::Duration(1s), capture::Duration(100ms), capture::Duration(10ms)}) {
+    const auto is_multiple = [&](const auto& row) {
+      return (row.second - camera.timestamps.front().second) % unit == capture::Duration::zero();
+    };
+    if (!std::ranges::all_of(camera.timestamps, is_multiple)) continue;
+    return fmt::format(
+        "its times are rounded to {:.3g} s, so positions are off by up to {:.0f} mm at 1 m/s: write them with three "
+        "decimals or more",
+        capture::seconds(unit), 500 * capture::seconds(unit));
+  }
+  return std::nullopt;
+}
+
 namespace {
 
 // Whether the times of two rows, k-1 and k, are further apart than usual.

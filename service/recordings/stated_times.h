@@ -26,6 +26,33 @@ struct TimesProblem {
 // it has none, as images. nullopt: they may be right.
 std::optional<TimesProblem> problem_of_listed_times(const RecordedCamera& camera, capture::Duration file_period);
 
+struct RateRemark {
+  std::string text;
+  bool is_mistake = false;  // false: the table is right, and the film's header is not
+};
+
+// Listed times that were measured, at another rate than the film's header says, of a film without measured times. Such
+// headers are often wrong (webcams slow down in the dark); but the program that measured the times listed every
+// picture of the film. If the table ends earlier or later by as much as the rates differ, it numbers other pictures.
+// film_frames: nullopt: unknown
+std::optional<RateRemark> remark_on_measured_rate(const RecordedCamera& camera, capture::Duration film_period,
+                                                  std::optional<std::int64_t> film_frames);
+
+// Listed times that are rounded to 10 ms or more, and are uneven by that: what that costs, and what to do.
+std::optional<std::string> remark_on_rounding(const RecordedCamera& camera);
+
+// Whether a stream's times are even. thread-compatible.
+class EvenTimes {
+ public:
+  void see(std::int64_t index, capture::Timestamp at);
+  double hz() const;  // 0: they are not, or too few are known
+
+ private:
+  std::int64_t first_ = 0, last_ = 0, pictures_ = 0;  // index
+  capture::Timestamp first_at_{}, last_at_{};
+  double shortest_s_ = 0, longest_s_ = 0;  // of the steps
+};
+
 struct NumbersProblem {
   std::string text;
   bool counts_files = false;  // the table numbers the files, not the pictures: read so, it has the gaps of the names

@@ -74,6 +74,12 @@ void CameraTimes::on_set(const pipeline::TrackedSet& set) {
   {
     const std::scoped_lock lock(mutex_);
     timing_ = best;
+    uneven_s_.resize(best.size(), 0);
+    for (const auto& of_target : set.mistakes)
+      for (const view_watch::Mistake& mistake : of_target)
+        if (mistake.kind == view_watch::MistakeKind::uneven_times)
+          for (const int c : mistake.cameras)
+            uneven_s_[std::size_t(c)] = std::max(uneven_s_[std::size_t(c)], std::abs(mistake.size));
     std::vector<std::string> cameras;
     for (std::size_t c = 0; c < best.size(); ++c) {
       if (best[c].latency_sigma_s > known_latency_s)
@@ -113,16 +119,24 @@ std::vector<std::string> CameraTimes::warnings() const {
 
 std::vector<CameraTimingEstimate> CameraTimes::timing() const {
   const std::scoped_lock lock(mutex_);
-  return timing_;
+  return stated();
+}
+
+CameraTimes::Estimates CameraTimes::stated() const {
+  Estimates times = timing_;
+  for (std::size_t c = 0; c < times.size(); ++c)
+    times[c].latency_sigma_s = std::hypot(times[c].latency_sigma_s, uneven_s_[c]);
+  return times;
 }
 
 std::vector<std::string> CameraTimes::summary() const {
   std::vector<std::string> out;
-  for (std::size_t c = 0; c < timing_.size(); ++c) {
+  const Estimates times = stated();
+  for (std::size_t c = 0; c < times.size(); ++c) {
     const calib::Camera& camera = rig_.cameras[c];
-    out.push_back(is_learning_
-                      ? timing_text(camera.name, timing_[c], c == 0) + (is_known(timing_[c]) ? "" : " (not known yet)")
-                      : fixed_timing_text(camera, timing_[c]));
+    const char* const doubt = uneven_s_[c] > 0 ? " (its time stamps are uneven)" : " (not known yet)";
+    out.push_back(is_learning_ ? timing_text(camera.name, times[c], c == 0) + (is_known(times[c]) ? "" : doubt)
+                               : fixed_timing_text(camera, times[c]));
   }
   return out;
 }
@@ -130,12 +144,13 @@ std::vector<std::string> CameraTimes::summary() const {
 calib::CameraRig CameraTimes::rig() const {
   calib::CameraRig rig = rig_;
   if (!is_learning_) return rig;
-  for (std::size_t c = 0; c < timing_.size(); ++c) {
-    if (!is_known(timing_[c])) continue;
-    rig.cameras[c].timing = {.latency_s = timing_[c].latency_s,
-                             .latency_sigma_s = timing_[c].latency_sigma_s,
-                             .readout_s = timing_[c].readout_s,
-                             .readout_sigma_s = timing_[c].readout_sigma_s};
+  const Estimates times = stated();
+  for (std::size_t c = 0; c < times.size(); ++c) {
+    if (!is_known(times[c])) continue;
+    rig.cameras[c].timing = {.latency_s = times[c].latency_s,
+                             .latency_sigma_s = times[c].latency_sigma_s,
+                             .readout_s = times[c].readout_s,
+                             .readout_sigma_s = times[c].readout_sigma_s};
   }
   return rig;
 }
@@ -144,7 +159,7 @@ void CameraTimes::flush() {
   if (rig_file_.empty()) return;
   calib::CameraRig learnt = rig();
   const int moved = calibration_ != nullptr ? calibration_->mend(learnt) : 0;
-  const auto known = is_learning_ ? std::ranges::count_if(timing_, is_known) : 0;
+  const auto known = is_learning_ ? std::ranges::count_if(stated(), is_known) : 0;
   calib::write_rig(learnt, rig_file_);
   spdlog::info("{}: wrote the rig, with the estimated timing of {} of {} cameras and the corrected pose of {}",
                rig_file_.string(), known, rig_.cameras.size(), moved);

@@ -39,13 +39,16 @@ class CameraTimes final : public pipeline::Output {
  private:
   using Estimates = std::vector<object_tracking::CameraTimingEstimate>;  // per camera of the rig
   void log_changes(const Estimates& now);
+  // timing_, whose latencies are uncertain by what the time stamps were found to vary.
+  Estimates stated() const;
 
   const std::filesystem::path rig_file_;
   const bool is_logging_;
   const RigReport* const calibration_;
   calib::CameraRig rig_;
-  Estimates timing_;  // written by the tracking thread; guarded by mutex_ for other readers
-  Estimates logged_;  // the tracking thread's; latency sigma infinite: not logged yet
+  Estimates timing_;              // written by the tracking thread; guarded by mutex_ for other readers
+  std::vector<double> uneven_s_;  // written by the tracking thread; guarded by mutex_; per camera, by its mistakes
+  Estimates logged_;              // the tracking thread's; latency sigma infinite: not logged yet
   mutable std::mutex mutex_;
   std::optional<std::string> warning_;  // guarded by mutex_
   bool is_learning_ = false;            // guarded by mutex_

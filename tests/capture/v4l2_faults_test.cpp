@@ -7,6 +7,7 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
+#include <array>
 #include <atomic>
 #include <cerrno>
 #include <condition_variable>
@@ -19,6 +20,7 @@
 #include <thread>
 
 #include "capture/clips.h"
+#include "capture/cropped_source.h"
 #include "capture/v4l2_source.h"
 
 namespace huetrack::capture {
@@ -227,6 +229,47 @@ TEST_F(V4l2Faults, HealthyCameraDelivers) {
   read_until(source, [&] { return source.health().frames > 20; });
   EXPECT_EQ(source.health().state, CaptureState::delivering);
   EXPECT_EQ(source.health().dropped, 0u);
+}
+
+// A side-by-side stereo webcam: one device, opened once, and two cameras with a part of its picture each.
+TEST_F(V4l2Faults, CamerasWithACropShareADevice) {
+  {
+    std::fstream file(folder / "camera", std::ios::binary | std::ios::in | std::ios::out);
+    for (int buffer = 0; buffer < 32; ++buffer)
+      for (std::uint32_t v = 0; v < height; ++v)
+        for (std::uint32_t u = 0; u < width; ++u) {
+          const std::array<char, 2> pixel{char(v * width + u), '\x80'};
+          file.seekp(buffer * std::streamoff(page) + 2 * (v * width + u)).write(pixel.data(), 2);
+        }
+  }
+  const std::map<int, Crop> crops{{0, {0, 0, 8, 16}}, {1, {8, 2, 8, 14}}};
+  std::vector<CameraRequest> requests;
+  for (const auto& [camera, crop] : crops) {
+    CameraRequest& request = requests.emplace_back(CameraRequest{options, crop});
+    request.camera = camera;
+    request.timing = {.latency = (camera + 1) * 10ms, .readout = 5ms};
+  }
+  ASSERT_EQ(problem_of(requests), "");
+  const std::vector<SharedDevice> devices = by_device(requests);
+  ASSERT_EQ(devices.size(), 1u);
+  CroppedSource source(std::make_unique<V4l2Source>(devices.front().options), devices.front().parts);
+  std::optional<Frame> before;
+  for (int k = 0; k < 40; ++k) {
+    const auto frame = source.next({});
+    ASSERT_TRUE(frame);
+    ASSERT_EQ(frame->camera, k % 2);
+    const Crop& crop = crops.at(frame->camera);
+    ASSERT_EQ(frame->pixels.width, crop.width);
+    ASSERT_EQ(frame->pixels.height, crop.height);
+    for (int v = 0; v < crop.height; ++v)
+      for (int u = 0; u < crop.width; ++u)
+        ASSERT_EQ(yuv_at(frame->pixels, u, v).y, (v + crop.v) * int(width) + u + crop.u) << u << ' ' << v;
+    if (frame->camera == 1) {
+      EXPECT_EQ(frame->sequence, before->sequence);
+      EXPECT_EQ(before->captured_at - frame->captured_at, 10ms) << "each has its own latency";
+    }
+    before = frame;
+  }
 }
 
 // Of a camera host: what travels on is the camera's own bytes, and nothing of them is looked at but that they begin as

@@ -394,6 +394,10 @@ INSTANTIATE_TEST_SUITE_P(
                 "c.yaml:6: cameras.cam1.device: is the device of cam0 already: cameras that share one need a crop "
                 "each, their part of "
                 "its picture"},
+        Mistake{"FieldsOfMatches", ball + "cameras:\n  cam0: {host: pi, send: matches, fields: top}\n",
+                "c.yaml:5: cameras.cam0.fields: needs the camera's pictures: give send: frames"},
+        Mistake{"FieldsOfAnotherName", ball + "cameras:\n  cam0: {device: 0, fields: even}\n",
+                "c.yaml:5: cameras.cam0.fields must be one of none, top, bottom, got \"even\""},
         Mistake{"CropWithoutSize", ball + "cameras:\n  cam0: {device: 0, crop: [0, 0, 320, 240]}\n",
                 "c.yaml:5: cameras.cam0.crop: needs size: that of the device's whole picture, as [1280, 480]"},
         Mistake{

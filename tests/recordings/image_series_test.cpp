@@ -74,6 +74,22 @@ TEST_F(ImageSeries, SeparatorsAreNoSigns) {
   EXPECT_THAT(refusal({"f-1.png", "f-2.png", "f1.png", "f2.png"}, "*.png"), HasSubstr("a sign or a separator"));
 }
 
+// The pictures of two cameras in one folder.
+TEST_F(ImageSeries, SeveralSeriesInOneGlobAreRefused) {
+  const std::vector<std::string> sides{"left_1.png", "right_1.png", "left_2.png", "right_2.png", "left_10.png"};
+  EXPECT_THAT(refusal(sides, "*.png"), HasSubstr("name one, as \"left_*[0-9].png\""));
+  EXPECT_THAT(series(sides, "left_*[0-9].png"),
+              ElementsAre(Pair(0, "left_1.png"), Pair(1, "left_2.png"), Pair(2, "left_10.png")));
+  EXPECT_THAT(refusal({"01_cam0a.png", "02_cam0a.png", "01_cam0b.png", "02_cam0b.png"}, "*.png"),
+              HasSubstr("several series"));
+  EXPECT_THAT(refusal({"1.png", "2.png", "3.png", "1_copy.png", "2_copy.png"}, "*.png"),
+              HasSubstr("as \"*[0-9].png\""));
+  // One that goes on under another name, and single files.
+  EXPECT_THAT(series({"a_1.png", "a_2.png", "b_3.png", "b_4.png"}, "*.png"), testing::SizeIs(4));
+  EXPECT_THAT(series({"img.png", "img (1).png", "img (2).png"}, "*.png"), testing::SizeIs(3));
+  EXPECT_THAT(series({"IMG1.png", "img1.png", "img2.png", "IMG3.png"}, "*.png"), testing::SizeIs(4));
+}
+
 TEST_F(ImageSeries, NamesWithoutAnOrderAreRefusedUnlessTheirTimesAreListed) {
   const std::vector<std::string> names{"3f2504e0-4f89.png", "b2c30ab1-9d0c.png", "0305e82c-3301.png"};
   EXPECT_THAT(refusal(names, "*.png"), HasSubstr("hold no order"));

@@ -173,6 +173,17 @@ TEST_F(Replay, WarnsOfCamerasThatHardlyOverlap) {
   EXPECT_THAT(warnings("7"), Contains(HasSubstr("no other camera has any then")));
 }
 
+TEST_F(Replay, OneFileForTwoCamerasIsAMistake) {
+  capture::write_clip(folder / "a.mkv", {.frames = 4});
+  capture::write_clip(folder / "b.mkv", {.frames = 4});
+  const auto mistakes = [&](const std::string& of_b) {
+    ReplaySource source = open("  a: {frames: a.mkv, fps: 10}\n  b: {frames: " + of_b + ", fps: 10}\n", {"a", "b"});
+    return source.mistakes();
+  };
+  EXPECT_THAT(mistakes("a.mkv"), ElementsAre(HasSubstr("is given for both a and b")));
+  EXPECT_THAT(mistakes("b.mkv"), IsEmpty());
+}
+
 TEST_F(Replay, TimeStampsAreTakenAsListedAndSkippedFramesAreMissing) {
   capture::write_clip(folder / "a.mkv", {.key_frame_every = 4});
   capture::write_text(folder / "t.csv", "frame,t_s\n2,0.01\n3,0.02\n5,0.05\n6,0.06\n");

@@ -17,6 +17,10 @@ using testing::IsEmpty;
 
 constexpr capture::Duration at_30_hz = 33'333'333ns;
 
+capture::Timestamp at_s(double s) {
+  return capture::Timestamp{capture::duration_of(s)};
+}
+
 // Of every n-th frame. unit: of the column's name, as an index of files::time_units.
 RecordedCamera listed(double seconds_a_frame, std::size_t unit = 0, std::int64_t every = 1) {
   RecordedCamera camera;
@@ -67,14 +71,79 @@ TEST(ListedTimes, ThatNoUnitExplainsMayBeRight) {
   EXPECT_THAT(of_images->text, HasSubstr("1 to 1000 pictures a second"));
 }
 
+// As a program logs the clock's readings: late by 0 to 8 ms.
+RecordedCamera measured(double hz, int rows, int every = 1) {
+  RecordedCamera camera;
+  camera.times_file = "t.csv";
+  for (int k = 0; k < rows; ++k)
+    camera.timestamps.emplace_back(k * every,
+                                   capture::Timestamp{capture::duration_of(k * every / hz + 0.002 * ((k * 7) % 5))});
+  return camera;
+}
+
+// A webcam's film has the rate that its program wrote into it, and a row for each of its pictures.
+TEST(MeasuredTimes, AreRightWhereTheyListEveryPicture) {
+  for (const double hz : {7.5, 15., 27., 60., 120.})
+    for (const std::int64_t frames : {200, 190, 215}) {  // what was killed lacks some at the end
+      const auto remark = remark_on_measured_rate(measured(hz, 200), at_30_hz, frames);
+      ASSERT_TRUE(remark);
+      EXPECT_FALSE(remark->is_mistake) << hz << ' ' << frames << ' ' << remark->text;
+      EXPECT_THAT(remark->text, AllOf(HasSubstr("but the file itself 30 frames a second"), HasSubstr("are used")));
+    }
+  EXPECT_FALSE(remark_on_measured_rate(measured(30, 200), at_30_hz, 200));
+  EXPECT_FALSE(remark_on_measured_rate(measured(30, 100, 2), at_30_hz, 200)) << "every second one, with its number";
+  EXPECT_FALSE(remark_on_measured_rate(measured(30, 200), 0ns, 200)) << "pictures have no rate";
+  EXPECT_FALSE(remark_on_measured_rate(listed(1 / 15.), at_30_hz, 200)) << "not measured: TimesBesideFilm";
+}
+
+TEST(EvenTimesOf, FilmsOfOneRateAndOfMeasuredTimes) {
+  const auto hz = [](int dropped_at, double late_s, int every) {
+    EvenTimes times;
+    for (int k = 0; k < 60; ++k)
+      times.see(k * every,
+                at_s(std::round(1e3 * (k * every + (k >= dropped_at ? 1 : 0)) / 30.) / 1e3 + late_s * ((k * 7) % 5)));
+    return times.hz();
+  };
+  EXPECT_NEAR(hz(1000, 0, 1), 30, 0.02) << "rounded to milliseconds";
+  EXPECT_NEAR(hz(1000, 0, 3), 30, 0.02);
+  EXPECT_EQ(hz(30, 0, 1), 0) << "a gap was measured";
+  EXPECT_EQ(hz(1000, 0.001, 1), 0);
+}
+
+TEST(RoundedTimes, AreNamedWhereTheyAreUneven) {
+  const auto rounded = [](double hz, double unit_s, double from_s) {
+    RecordedCamera camera;
+    for (int k = 0; k < 60; ++k)
+      camera.timestamps.emplace_back(
+          k, capture::Timestamp{capture::duration_of(from_s + std::round(k / hz / unit_s) * unit_s)});
+    return remark_on_rounding(camera);
+  };
+  EXPECT_THAT(rounded(30, 0.01, 0.003).value_or(""),
+              HasSubstr("rounded to 0.01 s, so positions are off by up to 5 mm"));
+  EXPECT_THAT(rounded(7, 0.1, 0).value_or(""), HasSubstr("rounded to 0.1 s"));
+  EXPECT_FALSE(rounded(30, 0.001, 0));
+  EXPECT_FALSE(rounded(20, 0.01, 0)) << "even: every 50 ms";
+}
+
+// Every second picture was listed, and numbered 0, 1, 2; the table of a camera of another rate.
+TEST(MeasuredTimes, ThatNumberOtherPicturesAreAMistake) {
+  for (const int every : {2, 3, 4}) {
+    const auto remark = remark_on_measured_rate(measured(30. / every, 300 / every), at_30_hz, 300);
+    ASSERT_TRUE(remark);
+    EXPECT_TRUE(remark->is_mistake) << every;
+    EXPECT_THAT(remark->text,
+                AllOf(HasSubstr("one of every " + std::to_string(every) + " frames"), HasSubstr("trust_times: true")));
+  }
+  const auto of_another = remark_on_measured_rate(measured(60, 600), at_30_hz, 300);
+  ASSERT_TRUE(of_another);
+  EXPECT_TRUE(of_another->is_mistake);
+  EXPECT_THAT(of_another->text, HasSubstr("give the table of this film"));
+}
+
 RecordedCamera at_rate(double fps) {
   RecordedCamera camera;
   camera.fps = fps;
   return camera;
-}
-
-capture::Timestamp at_s(double s) {
-  return capture::Timestamp{capture::duration_of(s)};
 }
 
 // Files named by their pictures' numbers, without some; a glob counts them.

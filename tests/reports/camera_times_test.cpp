@@ -14,6 +14,7 @@ namespace {
 namespace fs = std::filesystem;
 using object_tracking::CameraTimingEstimate;
 using object_tracking::ObjectEstimate;
+using testing::AllOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
@@ -81,6 +82,25 @@ TEST(CameraTimes, WritesKnownTimingIntoANewRigFile) {
   EXPECT_NEAR(calib::read_rig(file).cameras[1].timing.latency_s.value(), 0.012, 1e-9);
   EXPECT_THROW(CameraTimes(two_cameras(), file, false), std::runtime_error);  // nothing is overwritten
   fs::remove(file);
+}
+
+// Frames that were dropped and not counted: what the filter has learnt is of a part of the film.
+TEST(CameraTimes, UnevenStampsMakeTheLatencyUncertain) {
+  CameraTimes times(two_cameras(), {}, false);
+  const std::vector<std::vector<view_watch::Mistake>> mistakes{
+      {{.kind = view_watch::MistakeKind::uneven_times, .cameras = {1}, .size = 0.1}}};
+  std::vector<ObjectEstimate> estimates{target_at(1, {reference, known})};
+  const capture::FrameSet frames;
+  times.on_set({.frames = frames,
+                .estimates = estimates,
+                .received_at = {},
+                .trackers = {},
+                .mistakes = mistakes,
+                .reloaded = {}});
+  take(times, {target_at(1, {reference, known})});
+  EXPECT_THAT(times.summary(), ElementsAre(HasSubstr("cam0: latency 0.0 ms"),
+                                           AllOf(HasSubstr("cam1: latency 12.0 ms +- 100.0"), HasSubstr("uneven"))));
+  EXPECT_FALSE(times.rig().cameras[1].timing.latency_s);
 }
 
 // Regression: unused timing was written to the rig as exactly 0.

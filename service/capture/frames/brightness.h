@@ -1,4 +1,4 @@
-// The component of an image that is its brightness, or what is nearest to it. Private to this module.
+// The component of an image that is its brightness, or what is nearest to it.
 #pragma once
 
 #include <cstddef>
@@ -6,7 +6,7 @@
 
 #include "capture/frames/pixel_format.h"
 
-namespace huetrack::recordings {
+namespace huetrack::capture {
 
 struct Brightness {
   const std::uint8_t* data = nullptr;
@@ -14,16 +14,16 @@ struct Brightness {
   int step = 1;               // bytes from one pixel to the next
 };
 
-inline Brightness brightness_of(const capture::Image& image) {
-  const capture::Plane& plane = image.planes[0];
+inline Brightness brightness_of(const Image& image) {
+  const Plane& plane = image.planes[0];
   switch (image.format) {
-    case capture::PixelFormat::bgr:
+    case PixelFormat::bgr:
       return {plane.data + 1, plane.stride, 3};
-    case capture::PixelFormat::yuyv:
+    case PixelFormat::yuyv:
       return {plane.data, plane.stride, 2};
     default:
       return {plane.data, plane.stride, 1};
   }
 }
 
-}  // namespace huetrack::recordings
+}  // namespace huetrack::capture

@@ -1,12 +1,12 @@
-#include "recordings/comb_watch.h"
+#include "capture/frames/comb_watch.h"
 
 #include <algorithm>
 #include <cstdlib>
 #include <utility>
 
-#include "recordings/brightness.h"
+#include "capture/frames/brightness.h"
 
-namespace huetrack::recordings {
+namespace huetrack::capture {
 namespace {
 
 struct CombTuning {
@@ -23,9 +23,28 @@ struct CombTuning {
 };
 constexpr CombTuning tuning{};
 
-void add(const capture::Image& before, const capture::Image& image, CombEvidence& evidence) {
-  capture::require_all(before);
-  capture::require_all(image);
+// Both images have this plane of colours in every second row. step: bytes from one sample to the next
+void add_colors(const Image& before, const Image& image, int plane, int offset, int step, CombEvidence& evidence) {
+  const Plane &now = image.planes[static_cast<std::size_t>(plane)],
+              &then = before.planes[static_cast<std::size_t>(plane)];
+  const int rows = plane_rows(image.format, plane, image.height), columns = (image.width + 1) / 2;
+  std::int64_t by_row = 0, by_field = 0;
+  for (int y = 2; y + 2 < rows; ++y) {
+    const std::uint8_t *p = now.data + y * now.stride + offset, *old = then.data + y * then.stride + offset;
+    for (int x = 0; x < columns; ++x, p += step, old += step) {
+      if (std::abs(*p - *old) <= tuning.moving) continue;
+      ++evidence.color_moving;
+      by_row += std::abs(p[-now.stride] + p[now.stride] - 2 * *p);
+      by_field += std::abs(p[-2 * now.stride] + p[2 * now.stride] - 2 * *p);
+    }
+  }
+  evidence.color_row_curvature += static_cast<double>(by_row);
+  evidence.color_field_curvature += static_cast<double>(by_field);
+}
+
+void add(const Image& before, const Image& image, CombEvidence& evidence) {
+  require_all(before);
+  require_all(image);
   const Brightness old_pixels = brightness_of(before), pixels = brightness_of(image);
   std::int64_t rows = 0, fields = 0, tops = 0, bottoms = 0;
   for (int y = 2; y + 2 < image.height; ++y) {
@@ -41,17 +60,21 @@ void add(const capture::Image& before, const capture::Image& image, CombEvidence
   }
   evidence.row_curvature += static_cast<double>(rows), evidence.field_curvature += static_cast<double>(fields);
   evidence.top_after_bottom += static_cast<double>(tops), evidence.bottom_after_top += static_cast<double>(bottoms);
+  for (const int color : {0, 1}) {
+    if (image.format == PixelFormat::i420) add_colors(before, image, 1 + color, 0, 1, evidence);
+    if (image.format == PixelFormat::nv12) add_colors(before, image, 1, color, 2, evidence);
+  }
 }
 
 }  // namespace
 
-void CombWatch::see(const capture::Image& picture, std::optional<StatedFields> stated) {
-  if (is_known_ || !capture::has_pixels(picture)) return;
+void CombWatch::see(const Image& picture, std::optional<StatedFields> stated) {
+  if (is_known_ || !has_pixels(picture)) return;
   stated_ = stated;
-  const capture::Image before = std::exchange(before_, {});
+  const Image before = std::exchange(before_, {});
   const bool is_alike =
       before.width == picture.width && before.height == picture.height && before.format == picture.format;
-  if (capture::has_pixels(before) && is_alike) {
+  if (has_pixels(before) && is_alike) {
     const std::int64_t moving = evidence_.moving;
     add(before, picture, evidence_);
     const bool is_still = 10 * (evidence_.moving - moving) < tuning.enough;
@@ -63,30 +86,42 @@ void CombWatch::see(const capture::Image& picture, std::optional<StatedFields> s
   is_known_ = has_problem_ || evidence_.moving >= tuning.settled;
 }
 
+bool CombWatch::has_mixed_colors() const {
+  // Separate rows of colours are as combed as the others are; in mixed ones the curvature is that of a film.
+  return evidence_.ratio() > tuning.combed && evidence_.color_moving >= tuning.enough &&
+         evidence_.color_ratio() < tuning.whole;
+}
+
 bool CombWatch::is_contradicted() const {
   const bool is_combed = evidence_.ratio() > tuning.combed;
   if (!stated_) return is_combed;
+  if (has_mixed_colors()) return true;
   // Films of one moment are often tagged as interlaced; half of their rows are enough.
   const bool is_whole = evidence_.moving >= tuning.settled && evidence_.ratio() < tuning.whole;
   if (is_whole && !stated_->is_tagged) return true;
-  return is_combed && evidence_.is_top_first() != (stated_->first == capture::FirstField::top) &&
+  return is_combed && evidence_.is_top_first() != (stated_->first == FirstField::top) &&
          evidence_.order_ratio() > tuning.ordered;
 }
 
 std::optional<std::string> CombWatch::take_problem() {
   if (!std::exchange(has_problem_, false)) return std::nullopt;
+  const std::string mixed =
+      "its colours are mixed from both fields, as by a program that took it for progressive (4:2:0), so positions stay "
+      "wrong where the target moves: record 4:2:2, or with the interlaced flag (ffmpeg: -flags +ildct+ilme)";
   const std::string first = evidence_.is_top_first() ? "top" : "bottom", second = first == "top" ? "bottom" : "top";
   if (!stated_)
     return "is interlaced, but does not say so: every picture holds two moments, and positions are wrong where "
            "the target moves: use a progressive mode of the camera, or add fields: " +
-           first + " (or " + second + ", if that field was taken first) to play the first field of every picture";
+           first + " (or " + second + ", if that field was taken first) to play the first field of every picture" +
+           (has_mixed_colors() ? "; " + mixed : std::string());
   if (evidence_.ratio() < tuning.whole)
     return "is not interlaced: all rows of a picture are of one moment, so fields: loses half of them: leave fields "
            "out";
+  if (evidence_.is_top_first() == (stated_->first == FirstField::top)) return "is interlaced, and " + mixed;
   return (stated_->is_tagged ? "is tagged as if the " + second + " field was taken first" : "says fields: " + second) +
          ", but where something moves the pictures say that the " + first +
          " field was: the times are wrong by half a period: " + (stated_->is_tagged ? "add" : "write") +
          " fields: " + first;
 }
 
-}  // namespace huetrack::recordings
+}  // namespace huetrack::capture
