@@ -72,7 +72,7 @@ void FurtherObjectWatch::look(const std::vector<TargetView>& views, std::span<co
   }
   if (!is_second_) births_.forget();
   const std::vector<Birth> births =
-      births_.look(views, std::span(regions_).first(views.size()), covered, still, set_at, state);
+      births_.look(views, std::span(regions_).first(views.size()), covered, clutter, still, set_at, state);
   if (!is_second_) {
     looked_at_ = set_at;
     is_second_ = true;

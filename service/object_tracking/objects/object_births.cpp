@@ -13,22 +13,14 @@ namespace {
 
 // Probabilities under clutter are of one view; ratios of likelihoods are natural logarithms.
 struct BirthTuning {
-  double clutter_at_place = 0.004;  // a region lies within a radius of a place: some regions among a thousand discs
-  double clutter_on_line = 0.03;    // a region lies within a few pixels of an epipolar line
-  double clutter_round = 0.15;      // a region of the static scene is as round as a disc
-  double clutter_log_sizes = 2.5;   // range of the logarithms of the radii that regions are searched in
-  double max_size_cost = 3;         // a wrong size counts no more against it: it may be occluded
-  double margin_share = 0.5;        // of the volume's largest extent that is searched around it
-  double ambiguity = 2;             // log-likelihood ratio up to which two candidates are equally good
+  double clutter_round = 0.15;     // a region of the static scene is as round as a disc
+  double clutter_log_sizes = 2.5;  // range of the logarithms of the radii that regions are searched in
+  double max_size_cost = 3;        // a wrong size counts no more against it: it may be occluded
+  double margin_share = 0.5;       // of the volume's largest extent that is searched around it
+  double ambiguity = 2;            // log-likelihood ratio up to which two candidates are equally good
 };
 constexpr BirthTuning birth_tuning{};
 
-double llr_at_place() {
-  return std::log(detection.probability / birth_tuning.clutter_at_place);
-}
-double llr_on_line() {
-  return std::log(detection.probability / birth_tuning.clutter_on_line);
-}
 double llr_missed() {
   return std::log(1 - detection.probability);
 }
@@ -76,12 +68,11 @@ ObjectBirths::ObjectBirths(const TargetOptions& target, const ObjectTrackerOptio
 
 ObjectBirths::Candidate ObjectBirths::weighed(PositionCandidate at, const std::vector<TargetView>& views,
                                               std::span<const std::vector<color::ColorRegion>> regions,
-                                              std::span<const CoveredDisc> covered,
+                                              std::span<const CoveredDisc> covered, const ClutterMap& clutter,
                                               const StaticClutterMask& still) const {
   Candidate out{.at = std::move(at)};
-  // The first two views make the place; with one camera its only one.
-  out.evidence = -llr_at_place();
-  if (out.at.sightings.size() > 1) out.evidence = llr_on_line() - 2 * llr_at_place();
+  // The first view makes a ray, the second one a place on it: clutter that lies along the epipolar line would do.
+  std::size_t nth = 0;
   for (std::size_t v = 0; v < views.size(); ++v) {
     const auto in_view = project_ball(*views[v].camera, out.at.position, target_.radius_m);
     if (!in_view || !views[v].camera->contains({in_view->px})) continue;
@@ -89,7 +80,11 @@ ObjectBirths::Candidate ObjectBirths::weighed(PositionCandidate at, const std::v
         std::ranges::find(out.at.sightings, views[v].index, [](const Sighting& s) { return s.row.camera; });
     if (seen != out.at.sightings.end()) {
       const double size = std::log(seen->radius_px / in_view->radius_px) / sighting_tuning.region_size_sigma;
-      out.evidence += llr_at_place() - std::min(birth_tuning.max_size_cost, 0.5 * size * size);
+      const double reach_px = nth == 1 ? views[v].image->width : in_view->radius_px;
+      if (nth++ > 0)
+        out.evidence += std::log(detection.probability / (2 * in_view->radius_px * reach_px *
+                                                          clutter.density(std::size_t(views[v].index), seen->px)));
+      out.evidence -= std::min(birth_tuning.max_size_cost, 0.5 * size * size);
       continue;
     }
     const bool is_covered = std::ranges::any_of(covered, [&](const CoveredDisc& disc) {
@@ -111,12 +106,12 @@ ObjectBirths::Candidate ObjectBirths::weighed(PositionCandidate at, const std::v
 std::vector<ObjectBirths::Candidate> ObjectBirths::candidates(const std::vector<TargetView>& views,
                                                               std::span<const std::vector<color::ColorRegion>> regions,
                                                               std::span<const CoveredDisc> covered,
-                                                              const StaticClutterMask& still,
+                                                              const ClutterMap& clutter, const StaticClutterMask& still,
                                                               const MotionState& times) const {
   std::vector<Candidate> all;
   for (PositionCandidate& c :
        cross_rays(views, regions, target_, options_, times, sighting_tuning.max_crossings * TargetOptions::most_count))
-    all.push_back(weighed(std::move(c), views, regions, covered, still));
+    all.push_back(weighed(std::move(c), views, regions, covered, clutter, still));
   std::ranges::stable_sort(all, [](const Candidate& a, const Candidate& b) { return a.evidence > b.evidence; });
   std::vector<Candidate> out;
   for (Candidate& c : all) {
@@ -138,13 +133,14 @@ std::vector<ObjectBirths::Candidate> ObjectBirths::candidates(const std::vector<
 
 std::vector<Birth> ObjectBirths::look(const std::vector<TargetView>& views,
                                       std::span<const std::vector<color::ColorRegion>> regions,
-                                      std::span<const CoveredDisc> covered, const StaticClutterMask& still,
-                                      capture::Timestamp set_at, const MotionState& times) {
+                                      std::span<const CoveredDisc> covered, const ClutterMap& clutter,
+                                      const StaticClutterMask& still, capture::Timestamp set_at,
+                                      const MotionState& times) {
   std::vector<Birth> out;
   const auto with_regions = std::ranges::count_if(regions, [](const auto& some) { return !some.empty(); });
   if (with_regions < std::min<std::ptrdiff_t>(2, std::ssize(views)))
     return out;  // no evidence against the candidates either
-  std::vector<Candidate> now = candidates(views, regions, covered, still, times);
+  std::vector<Candidate> now = candidates(views, regions, covered, clutter, still, times);
   const double dt = capture::seconds(set_at - before_at_);
   std::vector<Candidate> kept;
   for (Candidate& c : now) {

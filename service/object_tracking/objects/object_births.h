@@ -8,6 +8,7 @@
 
 #include "color/color_region.h"
 #include "object_tracking/motion_state.h"
+#include "object_tracking/objects/clutter_map.h"
 #include "object_tracking/objects/static_clutter_mask.h"
 #include "object_tracking/sighting.h"
 #include "object_tracking/target_views.h"
@@ -47,8 +48,9 @@ class ObjectBirths {
   // mask `still` may cut an object, a missed detection is no evidence.
   std::vector<Birth> look(const std::vector<object_tracking::TargetView>& views,
                           std::span<const std::vector<color::ColorRegion>> regions,
-                          std::span<const CoveredDisc> covered, const StaticClutterMask& still,
-                          capture::Timestamp set_at, const object_tracking::MotionState& times);
+                          std::span<const CoveredDisc> covered, const ClutterMap& clutter,
+                          const StaticClutterMask& still, capture::Timestamp set_at,
+                          const object_tracking::MotionState& times);
   void forget() { before_.clear(); }
 
  private:
@@ -59,11 +61,11 @@ class ObjectBirths {
   };
   std::vector<Candidate> candidates(const std::vector<object_tracking::TargetView>& views,
                                     std::span<const std::vector<color::ColorRegion>> regions,
-                                    std::span<const CoveredDisc> covered, const StaticClutterMask& still,
-                                    const object_tracking::MotionState& times) const;
+                                    std::span<const CoveredDisc> covered, const ClutterMap& clutter,
+                                    const StaticClutterMask& still, const object_tracking::MotionState& times) const;
   Candidate weighed(object_tracking::PositionCandidate at, const std::vector<object_tracking::TargetView>& views,
                     std::span<const std::vector<color::ColorRegion>> regions, std::span<const CoveredDisc> covered,
-                    const StaticClutterMask& still) const;
+                    const ClutterMap& clutter, const StaticClutterMask& still) const;
 
   object_tracking::TargetOptions target_;
   object_tracking::ObjectTrackerOptions options_;  // with the volume that is searched

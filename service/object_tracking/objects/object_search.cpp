@@ -104,8 +104,9 @@ std::vector<double> ObjectSearch::usual_radii_px(const std::vector<TargetView>& 
 }
 
 std::optional<ObjectSearch::Find> ObjectSearch::find(const std::vector<TargetView>& views, capture::Timestamp set_at,
-                                                     const MotionState& times, const StaticClutterMask& still) {
-  const std::vector<Birth> births = births_.look(views, regions(), {}, still, set_at, times);
+                                                     const MotionState& times, const ClutterMap& clutter,
+                                                     const StaticClutterMask& still) {
+  const std::vector<Birth> births = births_.look(views, regions(), {}, clutter, still, set_at, times);
   const auto find = std::ranges::find_if(
       births, [&](const Birth& birth) { return inside(options_.volume, birth.now.position, target_.radius_m); });
   if (find != births.end()) return *find;

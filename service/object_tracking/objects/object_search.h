@@ -49,7 +49,8 @@ class ObjectSearch {
   void set_shared(bool is_shared) { is_shared_ = is_shared; }
   // After look(). nullopt: none, or not confirmed yet. Of `times` only the timing is used.
   std::optional<Find> find(const std::vector<object_tracking::TargetView>& views, capture::Timestamp set_at,
-                           const object_tracking::MotionState& times, const StaticClutterMask& still);
+                           const object_tracking::MotionState& times, const ClutterMap& clutter,
+                           const StaticClutterMask& still);
   void found();   // the find was accepted
   void forget();  // the candidates are out of date
 

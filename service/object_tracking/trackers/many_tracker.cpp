@@ -298,8 +298,8 @@ void ManyTracker::note_births(const capture::FrameSet& set, const std::vector<Ta
                                  .radius_px});
     }
   }
-  const std::vector<Birth> births =
-      births_.look(views, std::span(unexplained_).first(views.size()), covered, clutter_mask_, set.at, times());
+  const std::vector<Birth> births = births_.look(views, std::span(unexplained_).first(views.size()), covered, clutter_,
+                                                 clutter_mask_, set.at, times());
   for (const Birth& birth : births) clutter_.claim(birth.earlier.sightings);
   clutter_.add(views, std::span(unexplained_).first(views.size()));
   for (const Birth& birth : births) clutter_.claim(birth.now.sightings);

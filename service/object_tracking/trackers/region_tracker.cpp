@@ -188,7 +188,7 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
   MotionState times = filter_.motion();
   if (clutter_mask_.is_room_shared() && sets_apart_ == 0 && last_tracking_ == capture::Timestamp{})
     times.expect_synchronised();
-  auto find = search_.find(views, set.at, times, clutter_mask_);
+  auto find = search_.find(views, set.at, times, clutter_, clutter_mask_);
   if (find) clutter_.claim(find->earlier.sightings);
   clutter_.add(views, search_.regions());
   clutter_.claim(sightings_);
