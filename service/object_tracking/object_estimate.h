@@ -54,7 +54,7 @@ struct SeenRegion {
   Eigen::Vector2d px;       // its centre, raw pixels
   double radius_px = 0;     // of the disc of its area
   double below_middle = 0;  // its row: r / (H - 1) - 1/2
-  double sigma_px = 0;      // 1 sigma of px per axis, noise and bias; of a part of the object, what it may be off
+  double sigma_px = 0;      // 1 sigma of px per axis: noise, bias, and what may be hidden
   bool is_target = false;   // associated with the target
 };
 

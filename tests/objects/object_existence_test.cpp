@@ -92,11 +92,6 @@ TEST(ClutterMap, AnObjectsRegionsAreNotClutter) {
   EXPECT_LE(of_object.clutter.density(0, {100, 60}), before);
 }
 
-TEST(ClutterMap, CandidatesArePairsOfRegions) {
-  EXPECT_NEAR(Room(8).clutter.candidates(), 3 * 64, 5);
-  EXPECT_LT(Room(0).clutter.candidates(), 0.01);
-}
-
 TEST(ObjectExistence, IsConfirmedByThreeConsistentViewsTwice) {
   const Room room;
   EXPECT_TRUE(room.begun(room.birth({0, 0, 1}, {0.02, 0, 1})).is_sure());

@@ -32,16 +32,22 @@ void ClutterMap::claim(std::span<const Sighting> sightings) {
       std::erase_if(*open, [&](const Eigen::Vector2d& centre) { return (centre - s.px).norm() < s.radius_px; });
 }
 
+void ClutterMap::forget(std::size_t camera) {
+  PerCamera& of = cameras_[camera];
+  of.sets = of.regions = 0;
+  std::ranges::fill(of.around, 0.f);
+  of.open.reset();
+}
+
 void ClutterMap::count(PerCamera& of, std::span<const Eigen::Vector2d> centres) {
-  const auto regions = double(centres.size());
-  of.regions = of.sets == 0 ? regions : of.regions + (regions - of.regions) / (of.sets + 1);
+  const double fresh = of.sets == 0 ? 1 : 1 / (of.sets + 1);
   of.sets = of.sets == 0 ? clutter_map.first_sets : std::min(of.sets + 1, clutter_map.memory_sets);
-  const auto fresh = float(1 / of.sets);
-  for (float& cell : of.around) cell -= fresh * cell;
+  of.regions += fresh * (double(centres.size()) - of.regions);
+  for (float& cell : of.around) cell -= float(fresh) * cell;
   for (const Eigen::Vector2d& centre : centres) {
     const int u = std::clamp(int(centre.x()) / cell_px, 0, of.columns - 1);
     const int v = std::clamp(int(centre.y()) / cell_px, 0, of.rows - 1);
-    of.around[std::size_t(v * of.columns + u)] += fresh;
+    of.around[std::size_t(v * of.columns + u)] += float(fresh);
   }
 }
 
@@ -57,12 +63,6 @@ void ClutterMap::add(const std::vector<TargetView>& views, std::span<const std::
 // Half a region more than were seen: Jeffreys' prior of a rate.
 double ClutterMap::expected(const PerCamera& of) {
   return of.regions + 0.5 / std::max(1.0, of.sets);
-}
-
-double ClutterMap::candidates() const {
-  double all = 0, pairs = 0;
-  for (const PerCamera& of : cameras_) pairs += all * expected(of), all += expected(of);
-  return cameras_.size() == 1 ? all : pairs;
 }
 
 double ClutterMap::density(std::size_t camera, const Eigen::Vector2d& px) const {

@@ -24,8 +24,7 @@ class ClutterMap {
   void add(const std::vector<object_tracking::TargetView>& views,
            std::span<const std::vector<color::ColorRegion>> regions);
   double density(std::size_t camera, const Eigen::Vector2d& px) const;  // per px^2 and set, > 0
-  // Expected number of pairs of clutter in two views per set; with one camera, of regions.
-  double candidates() const;
+  void forget(std::size_t camera);                                      // it was moved
 
  private:
   static constexpr int cell_px = 16;  // layout: of the map

@@ -1,6 +1,5 @@
 #include "object_tracking/objects/object_births.h"
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <numbers>

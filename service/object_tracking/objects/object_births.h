@@ -44,8 +44,8 @@ class ObjectBirths {
   ObjectBirths(const object_tracking::TargetOptions& target, const object_tracking::ObjectTrackerOptions& options,
                const object_tracking::Volume& within);
 
-  // Confirmed new objects. regions[i], unexplained, belong to views[i]. Of `times` only the timing is used. Where the
-  // mask `still` may cut an object, a missed detection is no evidence.
+  // Finds: candidates of this set that one of the last set explains. regions[i], unexplained, belong to views[i]. Of
+  // `times` only the timing is used. Where the mask `still` may cut an object, a missed detection is no evidence.
   std::vector<Birth> look(const std::vector<object_tracking::TargetView>& views,
                           std::span<const std::vector<color::ColorRegion>> regions,
                           std::span<const CoveredDisc> covered, const ClutterMap& clutter,

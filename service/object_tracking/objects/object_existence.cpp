@@ -91,15 +91,15 @@ void ObjectExistence::begin(capture::Timestamp set_at, const Birth& birth, const
                            .covariance = birth.earlier.covariance + travel_m * travel_m * Eigen::Matrix3d::Identity(),
                            .at = birth.now.sightings.front().row.at,
                            .velocity_covariance = of_velocity};
-  has_been_sure_ = false;
   of_set_ = evidence_of(near, birth.now.sightings, views, radius_m, times, clutter, still).all();
   is_chance_ = false;
   evidence_ = std::min(max_log_odds(),
-                       birth.of_shape - std::log(clutter.candidates()) + of_set_ +
+                       birth.of_shape + of_set_ +
                            evidence_of(anywhere, birth.earlier.sightings, {}, radius_m, times, clutter, still).all());
   at_first_ = std::min(0.0, evidence_);
   has_moved_ = at_first_ >= 0, is_overdue_ = false;
   found_at_ = birth.now.position, found_when_ = set_at;
+  has_been_sure_ = has_been_sure_ || is_sure();
 }
 
 void ObjectExistence::update(capture::Timestamp set_at, const MotionState& state, double power_density,

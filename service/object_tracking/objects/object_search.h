@@ -47,7 +47,7 @@ class ObjectSearch {
   using Find = Birth;
   // The room shares the colour (static_clutter_mask.h).
   void set_shared(bool is_shared) { is_shared_ = is_shared; }
-  // After look(). nullopt: none, or not confirmed yet. Of `times` only the timing is used.
+  // After look(). nullopt: none, or no second set yet. Of `times` only the timing is used.
   std::optional<Find> find(const std::vector<object_tracking::TargetView>& views, capture::Timestamp set_at,
                            const object_tracking::MotionState& times, const ClutterMap& clutter,
                            const StaticClutterMask& still);

@@ -324,7 +324,7 @@ void ManyTracker::note_births(const capture::FrameSet& set, const std::vector<Ta
 bool ManyTracker::continue_track(const Birth& birth, const std::vector<TargetView>& views, capture::Timestamp set_at) {
   Object* best = nullptr;
   double best_d2 = calib::chi2_999_in_3d;
-  const double first_seen_s = (2 + 0.5) * birth.dt;  // ago, two sets, up to the one before
+  const double first_seen_s = 2 * birth.dt + 0.5 * birth.dt;  // ago, with half a set of slack
   for (const auto& object : objects_) {
     if (object->state != TrackState::coasting || object->sightings.size() >= 2) continue;
     const MotionState& motion = object->filter.motion();
@@ -371,7 +371,7 @@ void ManyTracker::trust(std::span<const CameraTrust> cameras) {
     object->rig_error.exclude_poses(cameras);
   }
   consistency_.trust(changed, cameras);
-  for (const std::size_t c : changed) clutter_mask_.forget(c);
+  for (const std::size_t c : changed) clutter_mask_.forget(c), clutter_.forget(c);
   if (!changed.empty()) births_.forget();
 }
 

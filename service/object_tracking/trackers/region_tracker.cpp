@@ -10,8 +10,6 @@ namespace huetrack::object_trackers {
 using namespace object_tracking;
 using namespace objects;
 
-namespace {}  // namespace
-
 RegionTracker::RegionTracker(const calib::CameraRig& rig, const TargetOptions& target,
                              const ObjectTrackerOptions& options, particle_filter::Rng rng)
     : target_(target),
@@ -107,7 +105,9 @@ void RegionTracker::expected_outlines(std::size_t camera, std::vector<capture::E
 
 void RegionTracker::trust(std::span<const CameraTrust> cameras) {
   const std::vector<std::size_t> changed = views_.trust(cameras);
-  for (const std::size_t c : changed) filter_.forget_camera(static_cast<int>(c)), clutter_mask_.forget(c);
+  for (const std::size_t c : changed)
+    filter_.forget_camera(static_cast<int>(c)), clutter_mask_.forget(c), clutter_.forget(c);
+  if (!changed.empty()) search_.forget();
   consistency_.trust(changed, cameras);
   rig_error_.exclude_poses(cameras);
 }
@@ -200,7 +200,7 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
   ObjectExistence found;
   found.begin(set.at, *find, views, target_.radius_m, options_, times, clutter_, clutter_mask_);
   // Two hypotheses: the likelier one is tracked.
-  if (state_ == TrackState::coasting && found.log_odds() <= existence_.log_odds()) return;
+  if (state_ == TrackState::coasting && found.log_odds() < existence_.log_odds()) return;
   MotionState about = filter_.motion();
   const double variance_m2 = std::pow(largest_sigma(find->now.covariance), 2);
   about.begin(set.at, find->now.position, variance_m2, (find->now.position - find->earlier.position) / find->dt,
