@@ -138,7 +138,9 @@ std::optional<RateRemark> remark_on_measured_rate(const RecordedCamera& camera, 
   const std::vector<double> steps_s = listed_steps_s(camera);
   const double film_s = capture::seconds(film_period);
   if (!(film_s > 0) || !do_vary(steps_s)) return std::nullopt;
-  const double listed_s = median(steps_s);
+  const auto& [first, first_at] = camera.timestamps.front();
+  const auto& [last, last_at] = camera.timestamps.back();
+  const double listed_s = capture::seconds(last_at - first_at) / static_cast<double>(last - first);
   const std::string name = camera.times_file.filename().string();
   const double ratio = listed_s / film_s;  // listed frames in the time of one
   if (std::abs(ratio - 1) < film_times.slack) return std::nullopt;

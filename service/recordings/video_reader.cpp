@@ -287,16 +287,10 @@ struct VideoReader::Impl {
   }
 
   // Where B frames are decoded before they are shown, a container whose times of decoding begin at 0 (fragmented MP4,
-  // FLV) has the first picture later, unless an edit list takes that out. NUT stores no times of decoding.
+  // FLV) has the first picture later, unless an edit list takes that out.
   void find_decoding_delay() {
-    const int delay = stream->codecpar->video_delay;
-    if (clock_start || delay <= 0 || stream->start_time == AV_NOPTS_VALUE) return;
-    const bool is_nut = std::string_view(format->iformat->name) == "nut";
-    const double ticks = av_q2d(av_inv_q(av_mul_q(stream->avg_frame_rate, stream->time_base)));
-    if (packet->dts == 0)
+    if (!clock_start && packet->dts == 0 && stream->codecpar->video_delay > 0 && stream->start_time != AV_NOPTS_VALUE)
       decoding_delay = std::max<std::int64_t>(0, stream->start_time);
-    else if (is_nut && packet->dts == AV_NOPTS_VALUE && std::isfinite(ticks))
-      decoding_delay = std::clamp<std::int64_t>(stream->start_time, 0, std::llround(delay * ticks));
   }
 
   // An AVI's only time stamps are chunk numbers, and FFmpeg counts only chunks that it finds. The index has the right

@@ -184,7 +184,7 @@ TEST(Matches, TrackAmongClutter) {
     for (const ObjectEstimate& e : estimates) {
       if (e.state != object_tracking::TrackState::tracking) continue;
       ++tracked;
-      EXPECT_LT((e.position - scene.ball_at(0, e.at)).norm(), 0.03);
+      EXPECT_LT((e.position - scene.ball_at(0, e.at)).norm(), lime().radius_m);
     }
   }
   EXPECT_GT(tracked, 10U);

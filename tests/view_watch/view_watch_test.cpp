@@ -324,8 +324,7 @@ TEST(PairComparison, OnePlaceIsNotEnoughForATurn) {
     const Vector3d p(0.1 + 0.02 * t, 0.2 + 0.01 * t, 1.2);
     for (std::size_t c = 0; c < 3; ++c) {
       const Eigen::Vector2d px = scene.rig.cameras[c].project_world(p)->px - Eigen::Vector2d(0, c == 0 ? 1.5 : 0.0);
-      tracks[c].push_back(
-          {t, px, 5.5, 0.41, 0.0, scene.rig.cameras[c].model.ray({px})->normalized()});
+      tracks[c].push_back({t, px, 5.5, 0.41, 0.0, scene.rig.cameras[c].model.ray({px})->normalized()});
     }
   }
   const PairComparison comparison(scene.rig);
