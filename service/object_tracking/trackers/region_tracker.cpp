@@ -199,8 +199,9 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
     return;
   ObjectExistence found;
   found.begin(set.at, *find, views, target_.radius_m, options_, times, clutter_, clutter_mask_);
-  // Two hypotheses: the likelier one is tracked.
-  if (state_ == TrackState::coasting && found.log_odds() < existence_.log_odds()) return;
+  // Two hypotheses: the likelier one is tracked; of equal ones a track that is seen.
+  const double by_find = found.log_odds(), by_track = existence_.log_odds();
+  if (state_ == TrackState::coasting && (by_find < by_track || (by_find == by_track && !sightings_.empty()))) return;
   MotionState about = filter_.motion();
   const double variance_m2 = std::pow(largest_sigma(find->now.covariance), 2);
   about.begin(set.at, find->now.position, variance_m2, (find->now.position - find->earlier.position) / find->dt,
