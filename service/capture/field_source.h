@@ -40,7 +40,7 @@ class FieldSource final : public FrameSource {
   std::map<int, std::vector<CameraEvent>> new_events_;  // guarded by mutex_
 };
 
-// Puts a FieldSource around the source of a camera, whose health and events then have what it detects.
+// Puts a FieldSource around the source of a camera. Its warnings and events are then among the camera's.
 // others: the cameras whose frames that source delivers, too. fields: as FieldSource's
 void watch_fields(LiveCamera& camera, std::vector<LiveCamera*> others, std::map<int, FirstField> fields);
 

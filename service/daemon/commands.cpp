@@ -147,8 +147,7 @@ void add_replay_command(CLI::App& app, Command& chosen) {
   command->add_flag(
       "--strict", options->is_strict,
       "exit status 3 if the tracks show a mistake in rig or configuration (lines `mistake` of the summary), a target "
-      "was "
-      "never tracked, a camera was moved, blinded or hidden (lines `cameras`), or a colour left its range (lines "
+      "was never tracked, a camera was moved, blinded or hidden (lines `cameras`), or a colour left its range (lines "
       "`light`)");
   const auto reload = [options](int code) {
     if (code == SI_KERNEL) return true;  // not kill -HUP: its terminal is gone

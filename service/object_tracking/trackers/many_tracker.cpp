@@ -349,13 +349,9 @@ void ManyTracker::start(Object& object, const Birth& birth, const std::vector<Ta
   object.sightings = object.filter.start(birth.earlier, birth.now, consistency_, set_at, birth.dt, sets_apart_ == 0,
                                          object.last_published);
   if (lead_ == nullptr) consistency_.compare_found(object.filter.motion(), object.sightings);
-  const double inconsistency_m = consistency_.inflated_sigma(object.filter.motion(), object.sightings);
-  const double sigma_m = std::max(judged_sigma(options_, object.filter, object.sightings), inconsistency_m);
-  object.state =
-      inconsistency_m > options_.max_coast_sigma_m ? TrackState::lost
-      : sigma_m <= options_.max_tracking_sigma_m && object.existence.is_sure() && is_localized(options_, object.filter)
-          ? TrackState::tracking
-          : TrackState::coasting;
+  object.state = judged_at_start(options_, object.filter, object.sightings,
+                                 consistency_.inflated_sigma(object.filter.motion(), object.sightings),
+                                 object.existence.is_sure());
   object.last_tracking = set_at;
 }
 

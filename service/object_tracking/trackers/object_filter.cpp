@@ -386,4 +386,13 @@ Judged judged(const ObjectTrackerOptions& options, const ObjectFilter& filter, s
   return {is_lost ? TrackState::lost : TrackState::coasting, false};
 }
 
+TrackState judged_at_start(const ObjectTrackerOptions& options, const ObjectFilter& filter,
+                           std::span<const Sighting> sightings, double inconsistency_m, bool may_be_tracked) {
+  if (inconsistency_m > options.max_coast_sigma_m) return TrackState::lost;
+  const double sigma_m = std::max(judged_sigma(options, filter, sightings), inconsistency_m);
+  return may_be_tracked && sigma_m <= options.max_tracking_sigma_m && is_localized(options, filter)
+             ? TrackState::tracking
+             : TrackState::coasting;
+}
+
 }  // namespace huetrack::object_trackers

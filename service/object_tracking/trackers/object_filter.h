@@ -118,4 +118,10 @@ Judged judged(const object_tracking::ObjectTrackerOptions& options, const Object
               std::span<const object_tracking::Sighting> sightings, double inconsistency_m, double unseen_s,
               bool may_be_tracked);
 
+// The same of an object that was initialised in this set. lost: views this inconsistent have found nothing.
+object_tracking::TrackState judged_at_start(const object_tracking::ObjectTrackerOptions& options,
+                                            const ObjectFilter& filter,
+                                            std::span<const object_tracking::Sighting> sightings,
+                                            double inconsistency_m, bool may_be_tracked);
+
 }  // namespace huetrack::object_trackers

@@ -209,13 +209,12 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
   sighter_.sharpen(views, about, find->now.sightings);
   existence_ = found;
   start_compared(*find, set.at);
-  const double inconsistency_m = consistency_.inflated_sigma(filter_.motion(), sightings_);
-  if (inconsistency_m <= options_.max_coast_sigma_m) {
-    const double sigma_m = std::max(judged_sigma(options_, filter_, sightings_), inconsistency_m);
-    const bool is_tracking = existence_.is_sure() && is_localized(options_, filter_) &&
-                             sigma_m <= options_.max_tracking_sigma_m &&
-                             inside(options_.volume, filter_.motion().position(), target_.radius_m);
-    state_ = is_tracking ? TrackState::tracking : TrackState::coasting;
+  const MotionState& motion = filter_.motion();
+  const TrackState begun =
+      judged_at_start(options_, filter_, sightings_, consistency_.inflated_sigma(motion, sightings_),
+                      existence_.is_sure() && inside(options_.volume, motion.position(), target_.radius_m));
+  if (begun != TrackState::lost) {
+    state_ = begun;
     last_tracking_ = set.at;
     search_.found();
     clutter_.claim(sightings_);
