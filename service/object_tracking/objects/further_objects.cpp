@@ -28,26 +28,15 @@ void FurtherObject::note(capture::Timestamp set_at, const std::optional<Eigen::V
   since_.reset();
 }
 
-FurtherObjectWatch::FurtherObjectWatch(const TargetOptions& target, const ObjectTrackerOptions& options,
-                                       std::span<const SizeInView> sizes)
-    : target_(target),
-      options_(options),
-      births_(target, options, options.volume),
-      size_in_view_(sizes.begin(), sizes.end()),
-      finders_(sizes.size()),
-      regions_(sizes.size()) {}
-
-void FurtherObjectWatch::find_others(const std::vector<TargetView>& views, const MotionState& state) {
+void FurtherObjectWatch::find_others(const std::vector<TargetView>& views, const MotionState& state,
+                                     ObjectSearch& search) {
+  search.look(views);
+  regions_.assign(search.regions().begin(), search.regions().end());
   for (std::size_t i = 0; i < views.size(); ++i) {
-    const auto camera = std::size_t(views[i].index);
-    regions_[i].clear();
-    if (size_in_view_[camera].largest_px == 0) continue;  // no part of the volume is in view
     const auto own = project_ball(*views[i].camera, state.position(), target_.radius_m);
-    for (const color::ColorRegion& region :
-         whole_regions(finders_[camera], *views[i].matches, size_in_view_[camera], target_.count, {})) {
-      if (!own || (region.centre - own->px).norm() > sighting_tuning.extent_radii * own->radius_px)
-        regions_[i].push_back(region);
-    }
+    std::erase_if(regions_[i], [&](const color::ColorRegion& region) {
+      return own && (region.centre - own->px).norm() <= sighting_tuning.extent_radii * own->radius_px;
+    });
   }
 }
 
@@ -58,21 +47,20 @@ void FurtherObjectWatch::note_untracked(capture::Timestamp set_at) {
 }
 
 void FurtherObjectWatch::look(const std::vector<TargetView>& views, std::span<const Sighting> sightings,
-                              const MotionState& state, const ClutterMap& clutter, const StaticClutterMask& still,
-                              capture::Timestamp set_at) {
+                              const MotionState& state, ObjectSearch& search, const ClutterMap& clutter,
+                              const StaticClutterMask& still, capture::Timestamp set_at) {
   nothing_since_.reset();
   if (views.size() < 2) return;
   if (looked_at_ && set_at < *looked_at_) looked_at_.reset(), is_second_ = false;
   if (!is_second_ && looked_at_ && capture::seconds(set_at - *looked_at_) < further_object.period_s) return;
-  find_others(views, state);
+  find_others(views, state, search);
   std::vector<CoveredDisc> covered;
   for (const Sighting& s : sightings) {
     for (std::size_t v = 0; v < views.size(); ++v)
       if (views[v].index == s.row.camera) covered.push_back({v, s.px, s.radius_px});
   }
   if (!is_second_) births_.forget();
-  const std::vector<Birth> births =
-      births_.look(views, std::span(regions_).first(views.size()), covered, clutter, still, set_at, state);
+  const std::vector<Birth> births = births_.look(views, regions_, covered, clutter, still, set_at, state);
   if (!is_second_) {
     looked_at_ = set_at;
     is_second_ = true;

@@ -34,26 +34,24 @@ class FurtherObject {
 // frame sets for a birth (object_births.h) whose existence is sure. thread-compatible.
 class FurtherObjectWatch {
  public:
-  // sizes: of the target, per camera of the rig
-  FurtherObjectWatch(const object_tracking::TargetOptions& target, const object_tracking::ObjectTrackerOptions& options,
-                     std::span<const SizeInView> sizes);
+  FurtherObjectWatch(const object_tracking::TargetOptions& target, const object_tracking::ObjectTrackerOptions& options)
+      : target_(target), options_(options), births_(target, options, options.volume) {}
 
   // The target was tracked in this set by these sightings.
   void look(const std::vector<object_tracking::TargetView>& views, std::span<const object_tracking::Sighting> sightings,
-            const object_tracking::MotionState& state, const ClutterMap& clutter, const StaticClutterMask& still,
-            capture::Timestamp set_at);
+            const object_tracking::MotionState& state, ObjectSearch& search, const ClutterMap& clutter,
+            const StaticClutterMask& still, capture::Timestamp set_at);
   // It was not tracked, or the room shares the colour.
   void note_untracked(capture::Timestamp set_at);
   const std::optional<Eigen::Vector3d>& published() const { return further_.published(); }
 
  private:
-  void find_others(const std::vector<object_tracking::TargetView>& views, const object_tracking::MotionState& state);
+  void find_others(const std::vector<object_tracking::TargetView>& views, const object_tracking::MotionState& state,
+                   ObjectSearch& search);
 
   object_tracking::TargetOptions target_;
   object_tracking::ObjectTrackerOptions options_;
   ObjectBirths births_;
-  std::vector<SizeInView> size_in_view_;                  // per camera
-  std::vector<color::RegionFinder> finders_;              // per camera
   std::vector<std::vector<color::ColorRegion>> regions_;  // of the views, without the target's
   std::optional<capture::Timestamp> looked_at_;
   bool is_second_ = false;  // the first of the two sets was searched

@@ -5,6 +5,8 @@
 #include <iterator>
 #include <numbers>
 
+#include "object_tracking/sighting.h"
+
 namespace huetrack::objects {
 
 using namespace object_tracking;
@@ -12,10 +14,20 @@ using namespace object_tracking;
 namespace {
 
 struct SearchTuning {
-  double min_area_share = 0.3;  // of the square of the smallest radius that a region must have where one is searched
-  int max_discs = 4;            // discs in a row that one region may be of
+  int max_discs = 4;  // discs in a row that one region may be of
 };
 constexpr SearchTuning search_tuning{};
+
+// count: objects that may be in a row.
+const std::vector<color::ColorRegion>& whole_regions(color::RegionFinder& finder, color::MatchBits& matches,
+                                                     const SizeInView& size, int count,
+                                                     std::span<const color::PixelAt> also) {
+  const double usual = std::sqrt(size.smallest_px * size.largest_px);
+  const int step = std::max(1, int(std::numbers::sqrt2 * size.smallest_px));  // no disc is between points
+  const int min_area = std::max(2, int(sighting_tuning.min_disc_share * disc_area(size.smallest_px)));
+  const int largest = int(std::ceil(2 * size.largest_px * std::min(count, search_tuning.max_discs))) + 2;
+  return finder.components(matches, step, also, int(2 * usual) + 2, largest, min_area);
+}
 
 }  // namespace
 
@@ -38,59 +50,43 @@ SizeInView size_in(const calib::Camera& camera, const Volume& volume, double rad
   return out;
 }
 
-const std::vector<color::ColorRegion>& whole_regions(color::RegionFinder& finder, color::MatchBits& matches,
-                                                     const SizeInView& size, int count,
-                                                     std::span<const color::PixelAt> also) {
-  const double usual = std::sqrt(size.smallest_px * size.largest_px);
-  const int step = std::max(1, int(std::numbers::sqrt2 * size.smallest_px));  // no disc is between points
-  const int min_area = std::max(2, int(sighting_tuning.min_disc_share * disc_area(size.smallest_px)));
-  const int largest = int(std::ceil(2 * size.largest_px * std::min(count, search_tuning.max_discs))) + 2;
-  return finder.components(matches, step, also, int(2 * usual) + 2, largest, min_area);
-}
-
-ObjectSearch::ObjectSearch(const calib::CameraRig& rig, const TargetOptions& target,
-                           const ObjectTrackerOptions& options)
-    : target_(target),
-      options_(options),
+ObjectSearch::ObjectSearch(const calib::CameraRig& rig, const TargetOptions& target, const Volume& volume)
+    : count_(target.count),
       finders_(rig.cameras.size()),
       disc_finders_(rig.cameras.size()),
-      regions_(rig.cameras.size()),
-      log_(rig.cameras.size()),
-      births_(target, options, looked_through(options.volume)) {
-  for (const calib::Camera& camera : rig.cameras)
-    size_in_view_.push_back(size_in(camera, options.volume, target.radius_m));
+      regions_(rig.cameras.size()) {
+  for (const calib::Camera& camera : rig.cameras) size_in_view_.push_back(size_in(camera, volume, target.radius_m));
 }
 
-void ObjectSearch::look(const std::vector<TargetView>& views) {
+void ObjectSearch::look(const std::vector<TargetView>& views, std::span<const std::vector<color::PixelAt>> also) {
   view_count_ = views.size();
   for (std::size_t i = 0; i < views.size(); ++i) {
     const TargetView& view = views[i];
     const SizeInView& size = size_in_view_[std::size_t(view.index)];
-    if (size.largest_px == 0) {  // no part of the volume is in view
-      regions_[i].clear();
+    regions_[i].clear();
+    if (size.largest_px != 0 && count_ == 1 && !is_shared_) {
+      const int step = std::max(1, int(size.smallest_px));
+      const int extent = int(std::ceil(sighting_tuning.extent_radii * size.largest_px)) + 2;
+      const int min_area = std::max(2, int(0.3 * size.smallest_px * size.smallest_px));
+      regions_[i] =
+          finders_[std::size_t(view.index)].search(*view.matches, step, extent, min_area, 2 * size.smallest_px);
       continue;
     }
-    if (is_shared_) {
-      // Two discs in a row: one object and what else of the colour touches it.
-      const auto& whole = whole_regions(finders_[std::size_t(view.index)], *view.matches, size, 2, {});
-      regions_[i].clear();
-      if (view.matches->room() != nullptr)
-        regions_[i] = disc_finders_[std::size_t(view.index)].find(
-            *view.matches, {0, 0, view.image->width - 1, view.image->height - 1}, size.smallest_px, size.largest_px);
-      // An object of just the room's colours stands alone somewhere, if at all.
-      const std::size_t discs = regions_[i].size();
-      std::ranges::copy_if(whole, std::back_inserter(regions_[i]), [&](const color::ColorRegion& region) {
-        return std::none_of(regions_[i].begin(), regions_[i].begin() + std::ptrdiff_t(discs),
-                            [&](const color::ColorRegion& disc) {
-                              return (disc.centre - region.centre).norm() < disc_radius(region.area);
-                            });
-      });
-      continue;
-    }
-    const int step = std::max(1, int(size.smallest_px));
-    const int extent = int(std::ceil(sighting_tuning.extent_radii * size.largest_px)) + 2;
-    const int min_area = std::max(2, int(search_tuning.min_area_share * size.smallest_px * size.smallest_px));
-    regions_[i] = finders_[std::size_t(view.index)].search(*view.matches, step, extent, min_area, 2 * size.smallest_px);
+    if (size.largest_px == 0) continue;  // no part of the volume is in view
+    if (is_shared_ && view.matches->room() != nullptr)
+      regions_[i] = disc_finders_[std::size_t(view.index)].find(
+          *view.matches, {0, 0, view.image->width - 1, view.image->height - 1}, size.smallest_px, size.largest_px);
+    // In a row with one object there may be something else of the colour. An object of just the room's colours stands
+    // alone somewhere, if at all.
+    const std::size_t discs = regions_[i].size();
+    std::ranges::copy_if(whole_regions(finders_[std::size_t(view.index)], *view.matches, size, std::max(2, count_),
+                                       also.empty() ? std::span<const color::PixelAt>() : also[i]),
+                         std::back_inserter(regions_[i]), [&](const color::ColorRegion& region) {
+                           return std::none_of(regions_[i].begin(), regions_[i].begin() + std::ptrdiff_t(discs),
+                                               [&](const color::ColorRegion& disc) {
+                                                 return (disc.centre - region.centre).norm() < disc_radius(region.area);
+                                               });
+                         });
   }
 }
 
@@ -101,26 +97,6 @@ std::vector<double> ObjectSearch::usual_radii_px(const std::vector<TargetView>& 
     out.push_back(std::sqrt(size.smallest_px * size.largest_px));
   }
   return out;
-}
-
-std::optional<ObjectSearch::Find> ObjectSearch::find(const std::vector<TargetView>& views, capture::Timestamp set_at,
-                                                     const MotionState& times, const ClutterMap& clutter,
-                                                     const StaticClutterMask& still) {
-  const std::vector<Birth> births = births_.look(views, regions(), {}, clutter, still, set_at, times);
-  const auto find = std::ranges::find_if(
-      births, [&](const Birth& birth) { return inside(options_.volume, birth.now.position, target_.radius_m); });
-  if (find != births.end()) return *find;
-  log_.add(views, regions(), options_.volume);
-  return std::nullopt;
-}
-
-void ObjectSearch::found() {
-  births_.forget();
-  log_.clear();
-}
-
-void ObjectSearch::forget() {
-  births_.forget();
 }
 
 }  // namespace huetrack::objects

@@ -36,14 +36,19 @@ bool add_support(const TargetView& view, const ToReport& in, ObjectEstimate& est
 
 }  // namespace
 
-ObjectEstimate without_position(const capture::FrameSet& set, const TargetViews& views, const MotionState& motion,
-                                TrackState state) {
+ObjectEstimate without_position(const capture::FrameSet& set, const TargetViews& views, const ObjectFilter& filter,
+                                const ViewConsistency& agreement, TrackState state) {
   ObjectEstimate e;
   e.at = set.at;
   e.set_number = set.number;
   e.state = state;
+  e.particle_count = static_cast<int>(filter.particles().size());
+  e.effective_sample_size = filter.effective_sample_size();
   e.per_view.resize(views.camera_count());
-  for (int c = 0; c < static_cast<int>(views.camera_count()); ++c) e.times.push_back(motion.timing(c));
+  for (std::size_t c = 0; c < e.per_view.size(); ++c) {
+    e.times.push_back(filter.motion().timing(int(c)));
+    e.per_view[c].inflation_px = static_cast<float>(std::sqrt(agreement.inflation_px2(c)));
+  }
   for (const auto* some : {&views.used(), &views.unused()})
     for (const TargetView& view : *some) e.per_view[static_cast<std::size_t>(view.index)].delivered = true;
   return e;
@@ -52,11 +57,7 @@ ObjectEstimate without_position(const capture::FrameSet& set, const TargetViews&
 ObjectEstimate report(const ToReport& in, RigError& rig_error, capture::Timestamp& last_published) {
   const MotionState& motion = in.filter.motion();
   const capture::FrameSet& set = in.set;
-  ObjectEstimate e = without_position(set, in.views, motion, in.state);
-  e.particle_count = static_cast<int>(in.filter.particles().size());
-  e.effective_sample_size = in.filter.effective_sample_size();
-  for (std::size_t c = 0; c < e.per_view.size(); ++c)
-    e.per_view[c].inflation_px = static_cast<float>(std::sqrt(in.agreement.inflation_px2(c)));
+  ObjectEstimate e = without_position(set, in.views, in.filter, in.agreement, in.state);
   if (!e.has_position()) return e;
   // A set of one moment gets the stamp of that moment, whatever the uncertain times of a few rows say.
   const bool is_of_the_set =

@@ -25,10 +25,10 @@ struct ToReport {
   std::span<const object_tracking::Sighting> seen;       // with inconsistent views and cameras that are not used
 };
 
-// An estimate without a position: which cameras delivered, and their timing.
+// An estimate without a position: which cameras delivered, their timing and inconsistency.
 object_tracking::ObjectEstimate without_position(const capture::FrameSet& set,
-                                                 const object_tracking::TargetViews& views,
-                                                 const object_tracking::MotionState& motion,
+                                                 const object_tracking::TargetViews& views, const ObjectFilter& filter,
+                                                 const object_tracking::ViewConsistency& agreement,
                                                  object_tracking::TrackState state);
 
 // last_published: of this object; updated. Output stamps strictly increase.

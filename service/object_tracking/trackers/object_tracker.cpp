@@ -10,7 +10,6 @@
 #include <variant>
 
 #include "object_tracking/trackers/color_follower.h"
-#include "object_tracking/trackers/many_tracker.h"
 #include "object_tracking/trackers/paper_tracker.h"
 #include "object_tracking/trackers/region_tracker.h"
 
@@ -26,14 +25,13 @@ struct ObjectTracker::Impl {
         adapts(target.adapts_color && options.observation == Observation::huetrack),
         watch(rig, target),
         follower(rig, target) {}
-  using Tracker = std::variant<PaperTracker, RegionTracker, ManyTracker>;
+  using Tracker = std::variant<PaperTracker, RegionTracker>;
   static Tracker made(const calib::CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options,
                       std::uint64_t stream) {
-    const particle_filter::Rng rng(options.seed, stream);
     if (options.observation == Observation::paper)
-      return Tracker(std::in_place_type<PaperTracker>, rig, target, options, rng);
-    if (target.count == 1) return Tracker(std::in_place_type<RegionTracker>, rig, target, options, rng);
-    return Tracker(std::in_place_type<ManyTracker>, rig, target, options, stream);
+      return Tracker(std::in_place_type<PaperTracker>, rig, target, options,
+                     particle_filter::Rng(options.seed, stream));
+    return Tracker(std::in_place_type<RegionTracker>, rig, target, options, stream);
   }
 
   void learn_colour() {
@@ -41,13 +39,7 @@ struct ObjectTracker::Impl {
     if (adapts) std::visit([&](auto& t) { follower.follow(*open, seen, watch, t.views()); }, tracker);
   }
 
-  // What both trackers of observation: huetrack have; by default nothing.
-  template <typename Get>
-  auto of_huetrack(Get get) const {
-    if (const auto* one = std::get_if<RegionTracker>(&tracker)) return get(*one);
-    if (const auto* many = std::get_if<ManyTracker>(&tracker)) return get(*many);
-    return decltype(get(std::declval<const RegionTracker&>())){};
-  }
+  RegionTracker* of_huetrack() { return std::get_if<RegionTracker>(&tracker); }  // nullptr: observation: paper
 
   Tracker tracker;
   std::optional<capture::FrameSet> open = {};  // nothing was learnt of it yet
@@ -86,7 +78,7 @@ color::HsiRange ObjectTracker::color_in(std::size_t camera) const {
 }
 
 void ObjectTracker::expected_outlines(std::size_t camera, std::vector<capture::ExpectedOutline>& out) const {
-  if (const auto* one = std::get_if<RegionTracker>(&impl_->tracker)) one->expected_outlines(camera, out);
+  if (const auto* tracker = impl_->of_huetrack()) tracker->expected_outlines(camera, out);
 }
 
 std::uint64_t ObjectTracker::frames_of_other_colors(std::size_t camera) const {
@@ -111,10 +103,7 @@ void ObjectTracker::trust(std::span<const CameraTrust> cameras) {
 }
 
 void ObjectTracker::correct_times(std::span<const double> late_s) {
-  if (auto* one = std::get_if<RegionTracker>(&impl_->tracker))
-    one->correct_times(late_s);
-  else if (auto* many = std::get_if<ManyTracker>(&impl_->tracker))
-    many->correct_times(late_s);
+  if (auto* tracker = impl_->of_huetrack()) tracker->correct_times(late_s);
 }
 
 void ObjectTracker::begin_anew() {
@@ -123,33 +112,25 @@ void ObjectTracker::begin_anew() {
 }
 
 void ObjectTracker::take_over_from(const ObjectTracker& before) {
-  auto* many = std::get_if<ManyTracker>(&impl_->tracker);
-  const auto* many_before = std::get_if<ManyTracker>(&before.impl_->tracker);
-  if (many != nullptr && many_before != nullptr) many->take_over_from(*many_before);
+  auto* tracker = impl_->of_huetrack();
+  const auto* tracker_before = before.impl_->of_huetrack();
+  if (tracker != nullptr && tracker_before != nullptr) tracker->take_over_from(*tracker_before);
 }
 
 void ObjectTracker::update(const capture::FrameSet& of_caller, std::vector<ObjectEstimate>& out) {
   learn();
   const capture::FrameSet& set = impl_->open.emplace(of_caller);
-  if (auto* many = std::get_if<ManyTracker>(&impl_->tracker)) {
-    many->update(set, out);
-  } else {
-    out.resize(1);
-    if (auto* one = std::get_if<RegionTracker>(&impl_->tracker))
-      out.front() = one->update(set);
-    else
-      out.front() = std::get<PaperTracker>(impl_->tracker).update(set);
-  }
+  if (auto* tracker = impl_->of_huetrack())
+    tracker->update(set, out);
+  else
+    out.assign(1, std::get<PaperTracker>(impl_->tracker).update(set));
   const auto tracked = std::ranges::find(out, TrackState::tracking, &ObjectEstimate::state);
   impl_->seen = tracked != out.end() ? *tracked : out.front();
 }
 
 void ObjectTracker::learn() {
   if (!impl_->open) return;
-  if (auto* many = std::get_if<ManyTracker>(&impl_->tracker))
-    many->learn();
-  else if (auto* one = std::get_if<RegionTracker>(&impl_->tracker))
-    one->learn();
+  if (auto* tracker = impl_->of_huetrack()) tracker->learn();
   impl_->learn_colour();
   impl_->open.reset();
 }
@@ -187,24 +168,28 @@ std::uint64_t ObjectTracker::color_change_count() const {
 }
 
 SearchFindings ObjectTracker::search_findings() const {
-  return impl_->of_huetrack([](const auto& tracker) { return tracker.search_findings(); });
+  const auto* tracker = impl_->of_huetrack();
+  return tracker != nullptr ? tracker->search_findings() : SearchFindings{};
 }
 
 OutlineFindings ObjectTracker::outline_findings() const {
-  const auto* tracker = std::get_if<RegionTracker>(&impl_->tracker);
+  const auto* tracker = impl_->of_huetrack();
   return tracker != nullptr ? tracker->outline_findings() : OutlineFindings{};
 }
 
 std::span<const SeenRegion> ObjectTracker::regions() const {
-  return impl_->of_huetrack([](const auto& tracker) { return tracker.regions(); });
+  const auto* tracker = impl_->of_huetrack();
+  return tracker != nullptr ? tracker->regions() : std::span<const SeenRegion>();
 }
 
 std::optional<Eigen::Vector3d> ObjectTracker::further_object() const {
-  return impl_->of_huetrack([](const auto& tracker) { return tracker.further_object(); });
+  const auto* tracker = impl_->of_huetrack();
+  return tracker != nullptr ? tracker->further_object() : std::nullopt;
 }
 
 std::vector<ColorShare> ObjectTracker::color_shares() const {
-  return impl_->of_huetrack([](const auto& tracker) { return tracker.color_shares(); });
+  const auto* tracker = impl_->of_huetrack();
+  return tracker != nullptr ? tracker->color_shares() : std::vector<ColorShare>();
 }
 
 }  // namespace huetrack::object_trackers
