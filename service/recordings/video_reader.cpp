@@ -366,10 +366,11 @@ struct VideoReader::Impl {
     Decoded result;
     if (packet->size == 0) return result;  // would signal the end to the decoder
     const AVCodecID kind = codec.codec().codec_id;
-    if (kind == AV_CODEC_ID_MJPEG && decode_jpeg(result)) return result;
     const std::span<const std::uint8_t> bytes(packet->data, static_cast<std::size_t>(packet->size));
-    if (kind == AV_CODEC_ID_TIFF) return {.image = tiff_of(bytes, pictures.depth())};
-    if (kind == AV_CODEC_ID_PNG) pictures.depth().tag(capture::png_significant_bits(bytes));
+    if (kind == AV_CODEC_ID_TIFF) return {.image = tiff_of(bytes, pictures)};
+    if (is_intra_only) pictures.tag(capture::tags_of(bytes));
+    if (kind == AV_CODEC_ID_MJPEG && decode_jpeg(result)) return result;
+    codec.examine(*packet);
     const int errors_before = log.count();
     int error = codec.send(packet.get());
     while (error == 0) {
@@ -398,8 +399,7 @@ struct VideoReader::Impl {
       return false;
     if (!decoded.image) return true;
     if (stored.color_range == AVCOL_RANGE_MPEG) decoded.image->range = capture::ColorRange::limited;
-    result.image = pictures.upright(*decoded.image,
-                                    capture::exif_orientation({packet->data, static_cast<std::size_t>(packet->size)}));
+    result.image = pictures.upright(*decoded.image);
     // A turned picture's bytes are those of another one.
     if (keeps_jpeg && result.image->planes[0].data == decoded.image->planes[0].data) jpeg_bytes = std::move(bytes);
     return true;
