@@ -188,6 +188,54 @@ TEST_F(FieldFile, TheDelayOfDecodingIsNoTime) {
   EXPECT_NEAR(play_field(write("later.flv", later)).at_frames.front(), 5, 0.03);
 }
 
+// Copied from an AVI, whose stamps of decoding begin at 0; Matroska has only those of showing.
+TEST_F(FieldFile, TheDelayOfACopiedFilmIsNoTime) {
+  for (const std::string codec : {"mpeg4", "libx264"})
+    for (const std::string file : {"a.mp4", "a.mov", "a.mkv", "a.nut"}) {
+      Clip clip = with_b_frames(codec);
+      const int delay = codec == "mpeg4" ? 1 : 2;
+      clip.tamper = [&](int, AVPacket& packet) {
+        packet.pts += delay, packet.dts += delay;
+        return true;
+      };
+      const FieldPlay played = play_field(write(file, clip));
+      EXPECT_THAT(played.shown, numbers_to(18)) << file << codec;
+      EXPECT_NEAR(played.at_frames.front(), 0, 0.03) << file << codec;
+      expect_even_times(played);
+      const bool has_times_of_decoding = file == "a.mp4" || file == "a.mov";
+      if (has_times_of_decoding)
+        EXPECT_THAT(played.warnings, IsEmpty()) << file << codec;
+      else
+        EXPECT_THAT(played.warnings, ElementsAre(AllOf(HasSubstr("played from 0"), HasSubstr("give offset_s: 0."))))
+            << file << codec;
+    }
+  Clip later = with_b_frames("libx264");  // one of another clock
+  later.tamper = [](int, AVPacket& packet) {
+    packet.pts += 3, packet.dts += 3;
+    return true;
+  };
+  const FieldPlay played = play_field(write("later.mkv", later));
+  EXPECT_NEAR(played.at_frames.front(), 3, 0.03);
+  EXPECT_THAT(played.warnings, IsEmpty());
+}
+
+// XviD's own stamps: its encoder waits for more pictures before the first B frames, and before longer runs of them.
+TEST_F(FieldFile, GapsOfAnEncoderThatWaitsAreTakenOut) {
+  for (const std::string file : {"a.mkv", "a.mp4", "a.avi"})
+    for (const double given : {0., 10.}) {
+      Clip clip = with_b_frames();
+      clip.tamper = [](int k, AVPacket& packet) {
+        packet.pts = packet.dts = k + (k >= 1 ? 2 : 0);
+        return true;
+      };
+      const FieldPlay played = play_field(write(file, clip), given);
+      EXPECT_THAT(played.shown, numbers_to(18)) << file;
+      EXPECT_NEAR(played.at_frames.front(), 0, 0.03) << file;
+      expect_even_times(played);
+      EXPECT_THAT(played.warnings, SizeIs(file == "a.avi" || given > 0 ? 0 : 1)) << file << given;
+    }
+}
+
 TEST_F(FieldFile, GreyFilmsAreKnown) {
   for (const bool is_grey : {true, false}) {
     const Clip clip{.codec = "ffv1", .format = is_grey ? AV_PIX_FMT_GRAY8 : AV_PIX_FMT_YUV422P};
