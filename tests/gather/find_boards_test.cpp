@@ -122,7 +122,7 @@ TEST(FindBoards, ReportsWrongGapsOfAGrid) {
     return find_boards(source, board::BoardDetector(in_file), {.progress = false, .page = {}}, {}).board_doubt;
   };
   EXPECT_EQ(doubt(real.pitch.x()), "");
-  for (const double wrong : {0.028, 0.0324})
+  for (const double wrong : {0.029, 0.0315})
     EXPECT_THAT(doubt(wrong), testing::AllOf(testing::HasSubstr("gaps are 0.26"), testing::HasSubstr("gap: 0.006"),
                                              testing::HasSubstr("tagSpacing: 0.26")));
 }
