@@ -40,7 +40,8 @@ std::vector<ImageFile> files_of_pattern(const fs::path& pattern) {
     width = 10 * width + static_cast<std::size_t>(name[at++] - '0');
   if (at >= name.size() || name[at] != 'd' || name.find('%', at) != std::string::npos)
     throw files::ConfigError(pattern, 0,
-                             "is not a pattern of image files: its last part must have one number like %06d");
+                             "is not a pattern of image files: its last part must have one number like %06d; "
+                             "for other numbers (%x) give a glob, like *.png");
   const std::string_view prefix = std::string_view(name).substr(0, begin);
   const std::string_view suffix = std::string_view(name).substr(at + 1);
 

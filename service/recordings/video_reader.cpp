@@ -88,10 +88,10 @@ struct VideoReader::Impl {
     std::error_code error;
     if (!std::filesystem::exists(file, error)) fail(file, "no such file" + files::files_beside(file));
     if (!std::filesystem::is_regular_file(file, error))
-      fail(file,
-           std::string("is not a file: give a video, or images as a pattern like %06d.png; a folder may hold the parts "
-                       "of a film as transport streams (.MTS, .ts): if it holds others, ") +
-               how_to_join);
+      fail(file, "is not a file: give a video, or images as a pattern like %06d.png or \"" + (file / "*.png").string() +
+                     "\"" + files::files_beside(file / "*") +
+                     "; a folder may hold the parts of a film as transport streams (.MTS, .ts): if it holds others, " +
+                     how_to_join);
     if (std::filesystem::file_size(file, error) == 0 && !error) fail(file, "is empty");
 
     // Local files only: a play list in a recording must not access the network.
