@@ -65,6 +65,7 @@ TEST_F(ImageSeries, HexadecimalNumbersArePlayedWholeOrRefused) {
   for (std::size_t k = 0; k < names.size(); ++k) EXPECT_EQ(all[k], std::pair(std::int64_t(k), names[k]));
   for (const std::string part : {"f_*[0-9].jpg", "f_%d.jpg"})
     EXPECT_THAT(refusal(names, part), testing::AllOf(HasSubstr("leaves out f_a.jpg"), HasSubstr("give \"f_*.jpg\"")));
+  EXPECT_THAT(refusal(names, "f_%x.jpg"), HasSubstr("for other numbers (%x) give a glob"));
   EXPECT_THAT(refusal({"f_08.jpg", "f_09.jpg", "f_0a0.jpg", "f_0a1.jpg", "f_10.jpg"}, "f_*.jpg"),
               HasSubstr("f_0a1.jpg has a letter where f_10.jpg has a digit"));
 }
