@@ -297,6 +297,28 @@ void measure_markers(const Board& board, const Markers& markers, BoardDetection&
   found.marker_px = calib::median(std::move(sides_px));
 }
 
+// The same of a grid of markers, which has no squares: by the steps from one marker to the next beside or below it.
+void measure_grid(const Board& board, const Markers& markers, BoardDetection& found) {
+  std::vector<double> sides, sides_px;
+  for (const auto& [id, corners] : markers) {
+    const int column = (id - board.first_marker) % board.columns;
+    for (const bool is_beside : {true, false}) {
+      const auto next = markers.find(is_beside ? id + 1 : id + board.columns);
+      if (next == markers.end() || (is_beside && column + 1 == board.columns)) continue;
+      double step_px = 0, side_px = 0;  // four times
+      for (std::size_t k = 0; k < 4; ++k) step_px += cv::norm(next->second[k] - corners[k]);
+      const std::size_t along = is_beside ? 0 : 1;  // the first of the two edges that lead there
+      for (const MarkerCorners& of : {corners, next->second})
+        side_px += cv::norm(of[along + 1] - of[along]) + cv::norm(of[(along + 3) % 4] - of[along + 2]);
+      sides.push_back((is_beside ? board.pitch.x() : board.pitch.y()) * side_px / step_px);
+      sides_px.push_back(side_px / 4);
+    }
+  }
+  if (sides.empty()) return;
+  found.marker_m = calib::median(std::move(sides));
+  found.marker_px = calib::median(std::move(sides_px));
+}
+
 BoardDetection corners_of_markers(const Markers& markers, const Board& board) {
   BoardDetection found;
   for (const auto& [id, corners] : markers) {
@@ -419,7 +441,11 @@ BoardDetection detect_markers(const Board& board, const GreyPixels& view) {
                                 : "it shows markers of " + board.dictionary + ", but not those of the board";
     return counted(found);
   }
-  if (board.type == BoardType::aruco_grid) return counted(corners_of_markers(markers, board));
+  if (board.type == BoardType::aruco_grid) {
+    found = corners_of_markers(markers, board);
+    measure_grid(board, markers, found);
+    return counted(found);
+  }
   found = squares_corners(upright_colours(given, board.inverted), markers, board);
   const auto lines = [&](auto line_of) {
     std::vector<int> all;

@@ -25,7 +25,7 @@ struct BoardDetection {
   std::vector<Eigen::Vector2d> px;  // one per id; raw pixels, (0,0) is the centre of the top left one
   std::string why_not;              // if ids is empty: the reason, one clause
   double blur_px = 0;               // standard deviation of the edges' blur, median over the corners; 0: unknown
-  double marker_m = 0;              // measured, given the squares: side of the markers (charuco), diameter; 0: unknown
+  double marker_m = 0;              // measured, given the pitch: side of the markers, diameter; 0: unknown
   double marker_px = 0;             // size in the image; 0: unknown
   int markers = 0;                  // of the board, where the board file says
   int contradicting_markers = 0;    // elsewhere, or beside them and not of the board

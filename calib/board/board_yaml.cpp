@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <array>
+#include <cmath>
 
 #include "calib/files/number_text.h"
 #include "calib/yaml/yaml_reader.h"
@@ -144,7 +145,8 @@ std::string to_yaml(const Board& board) {
   }
   out += ": [" + std::to_string(board.columns) + ", " + std::to_string(board.rows) + "]\n";
   if (board.type == BoardType::aruco_grid) {
-    out += "gap: " + shortest_text(board.pitch.x() - board.marker) + "\n";
+    constexpr double nanometres = 1e9;  // the difference is not exact
+    out += "gap: " + shortest_text(std::round(nanometres * (board.pitch.x() - board.marker)) / nanometres) + "\n";
   } else if (board.pitch.x() == board.pitch.y()) {
     out += "square: " + shortest_text(board.pitch.x()) + "\n";
   } else {

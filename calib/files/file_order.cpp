@@ -8,6 +8,7 @@
 #include <map>
 #include <numeric>
 #include <optional>
+#include <ranges>
 #include <set>
 
 #include "calib/files/config_error.h"
@@ -108,6 +109,62 @@ std::string skeleton_of(std::string_view text) {
   return skeleton;
 }
 
+constexpr std::string_view hexadecimal_digits = "0123456789abcdefABCDEF";
+
+// What names differ in: all between their common beginning and end.
+struct DifferingPart {
+  std::size_t begin = 0, behind = 0;  // characters before and behind it
+  // empty: the name has another beginning or end, or nothing between
+  std::string_view of(std::string_view name) const {
+    return name.size() > begin + behind ? name.substr(begin, name.size() - begin - behind) : std::string_view();
+  }
+};
+DifferingPart differing_part(const std::vector<fs::path>& files) {
+  const std::string_view first = without_extension(files.front().native());
+  DifferingPart part{.begin = first.size(), .behind = first.size()};
+  std::size_t shortest = first.size();
+  for (const fs::path& file : files) {
+    const std::string_view name = without_extension(file.native());
+    const auto same = [](auto one, auto other) {
+      return std::size_t(std::ranges::mismatch(one, other).in1 - std::ranges::begin(one));
+    };
+    shortest = std::min(shortest, name.size());
+    part.begin = std::min(part.begin, same(first, name));
+    part.behind = std::min(part.behind, same(std::views::reverse(first), std::views::reverse(name)));
+  }
+  while (part.begin > 0 && is_digit(first, part.begin - 1)) --part.begin;  // 1, 10, 11: the number begins before it
+  part.behind = std::min(part.behind, shortest - std::min(shortest, part.begin));
+  return part;
+}
+
+// Numbers that count in hexadecimal digits, by the files' names. Either most of the numbers between the least and the
+// largest one occur, or the last digit takes most of its 16 values.
+struct Hexadecimal {
+  DifferingPart part;
+  bool is_dense = false;
+  std::uint64_t value(std::string_view name) const {
+    return std::strtoull(std::string(part.of(name)).c_str(), nullptr, 16);
+  }
+};
+std::optional<Hexadecimal> hexadecimal_numbers(const std::vector<fs::path>& files) {
+  if (files.size() < 2) return std::nullopt;
+  constexpr std::size_t longest = 16, most_last = 12, most_letters = 4;  // digits of 64 bits; of the 16 last ones
+  Hexadecimal numbers{.part = differing_part(files)};
+  std::set<char> last, last_letters;
+  std::uint64_t least = ~std::uint64_t{0}, most = 0;
+  for (const fs::path& file : files) {
+    const std::string_view name = without_extension(file.native()), part = numbers.part.of(name);
+    if (part.empty() || part.size() > longest || part.find_first_not_of(hexadecimal_digits) != std::string_view::npos)
+      return std::nullopt;
+    last.insert(lower(part.back()));
+    if (is_letter(part.back())) last_letters.insert(lower(part.back()));
+    least = std::min(least, numbers.value(name)), most = std::max(most, numbers.value(name));
+  }
+  numbers.is_dense = most - least < 2 * files.size();
+  const bool takes_most = last.size() >= most_last && last_letters.size() >= most_letters;
+  return !last_letters.empty() && (numbers.is_dense || takes_most) ? std::optional(numbers) : std::nullopt;
+}
+
 // How the names of one series are read.
 class NameOrder {
  public:
@@ -116,13 +173,14 @@ class NameOrder {
   explicit NameOrder(const std::vector<fs::path>& files) {
     find_signs(files);
     find_decimals(files);
-    is_hexadecimal_ = are_hexadecimal(files);
+    hexadecimal_ = hexadecimal_numbers(files);
   }
 
   bool operator()(std::string_view path_a, std::string_view path_b) const {
     std::string_view a = without_extension(path_a), b = without_extension(path_b);
     if (a == b) a = path_a, b = path_b;
-    if (is_hexadecimal_) return a < b;
+    if (hexadecimal_)
+      if (const auto x = hexadecimal_->value(a), y = hexadecimal_->value(b); x != y) return x < y;
     std::size_t i = 0, j = 0;
     while (i < a.size() && j < b.size()) {
       const auto x = number_at(a, i), y = number_at(b, j);
@@ -167,7 +225,7 @@ class NameOrder {
     return parts;
   }
 
-  bool is_hexadecimal() const { return is_hexadecimal_; }
+  const std::optional<Hexadecimal>& hexadecimal() const { return hexadecimal_; }
 
  private:
   // Where numbers begin: visit(file, its name, place of the first digit, the number).
@@ -259,34 +317,9 @@ class NameOrder {
     return across < 2 * *middle;
   }
 
-  // Hexadecimal counters of a fixed width, in alphabetical order: the names differ only there, and at least half of the
-  // numbers between the least and the largest one occur.
-  static bool are_hexadecimal(const std::vector<fs::path>& files) {
-    if (files.size() < 2) return false;
-    const std::string_view first = without_extension(files.front().native());
-    std::size_t begin = first.size(), end = 0;  // where they differ
-    for (const fs::path& file : files) {
-      const std::string_view name = without_extension(file.native());
-      if (name.size() != first.size()) return false;
-      for (std::size_t at = 0; at < first.size(); ++at)
-        if (name[at] != first[at]) begin = std::min(begin, at), end = std::max(end, at + 1);
-    }
-    constexpr std::size_t longest = 16;  // of 64 bits
-    bool has_letters = false;
-    std::uint64_t least = ~std::uint64_t{0}, most = 0;
-    for (const fs::path& file : files) {
-      const std::string part(without_extension(file.native()).substr(begin, end - begin));
-      if (part.size() > longest || part.find_first_not_of("0123456789abcdefABCDEF") != std::string::npos) return false;
-      has_letters = has_letters || part.find_first_not_of(digits) != std::string::npos;
-      const std::uint64_t value = std::strtoull(part.c_str(), nullptr, 16);
-      least = std::min(least, value), most = std::max(most, value);
-    }
-    return has_letters && most - least < 2 * files.size();
-  }
-
   std::set<std::string> signed_;   // texts before a number with a sign
   std::set<std::string> decimal_;  // texts before a number with a fraction
-  bool is_hexadecimal_ = false;
+  std::optional<Hexadecimal> hexadecimal_;
 };
 
 // Of each name, those of its numbers that are not the same in all. Empty: the names are not of one kind.
@@ -299,22 +332,23 @@ std::vector<std::vector<double>> numbers_that_vary(const std::vector<fs::path>& 
     numbers.push_back(std::move(parts.numbers));
     kinds.insert(std::move(parts.text));
   }
-  if (kinds.size() != 1 || order.is_hexadecimal()) return {};
+  if (kinds.size() != 1 || order.hexadecimal()) return {};
   for (std::size_t place = numbers.front().size(); place-- > 0;)
     if (std::ranges::all_of(numbers, [&](const auto& of) { return of[place] == numbers.front()[place]; }))
       for (auto& of : numbers) of.erase(of.begin() + static_cast<std::ptrdiff_t>(place));
   return numbers;
 }
 
+constexpr std::size_t least_random_steps = 30;
+
 // Counters and times go on in steps that are mostly alike; between random numbers steps are of all lengths: 28 % of
 // them are within a factor of 1.5 of the median.
 bool are_random(std::vector<double> values) {
-  constexpr std::size_t least_steps = 30;
   constexpr double alike = 1.5, least_share = 0.4;
   std::ranges::sort(values);
   std::vector<double> steps;
   for (std::size_t i = 1; i < values.size(); ++i) steps.push_back(values[i] - values[i - 1]);
-  if (steps.size() < least_steps) return false;
+  if (steps.size() < least_random_steps) return false;
   std::ranges::sort(steps);
   const double median = steps[steps.size() / 2];
   const auto count =
@@ -338,6 +372,10 @@ std::vector<double> last_numbers(const std::vector<fs::path>& files) {
   std::vector<double> numbers;
   for (const fs::path& file : files) {
     const std::string_view path = without_extension(file.native());
+    if (order.hexadecimal()) {
+      numbers.push_back(static_cast<double>(order.hexadecimal()->value(path)));
+      continue;
+    }
     const NameOrder::Parts name = order.parts_of(path, path.rfind('/') + 1);  // npos + 1 is 0
     if (name.numbers.empty()) return {};
     numbers.push_back(name.numbers.back());
@@ -378,7 +416,7 @@ std::vector<std::vector<std::size_t>> other_orders(const std::vector<fs::path>& 
 
 std::vector<fs::path> several_series(const std::vector<fs::path>& files) {
   const NameOrder order(files);
-  if (order.is_hexadecimal()) return {};
+  if (order.hexadecimal()) return {};
   struct Series {
     const fs::path* first;
     std::set<std::vector<double>> numbers;
@@ -403,7 +441,8 @@ std::vector<fs::path> several_series(const std::vector<fs::path>& files) {
 
 bool hold_an_order(const std::vector<fs::path>& files) {
   const NameOrder order(files);
-  if (files.size() < 3 || order.is_hexadecimal()) return true;
+  if (files.size() < 3 || (order.hexadecimal() && order.hexadecimal()->is_dense)) return true;
+  if (order.hexadecimal() && files.size() > least_random_steps) return !are_random(last_numbers(files));
   if (const auto numbers = numbers_that_vary(files); !numbers.empty() && numbers.front().size() == 1) {
     std::vector<double> values;
     for (const auto& of_file : numbers) values.push_back(of_file.front());
@@ -430,6 +469,34 @@ bool hold_an_order(const std::vector<fs::path>& files) {
     places.insert(std::move(numbers));
   }
   return 2 * skeletons.size() <= files.size() || 2 * places.size() > files.size();
+}
+
+std::vector<fs::path> letters_in_numbers(const std::vector<fs::path>& files) {
+  if (files.size() < 2 || hexadecimal_numbers(files)) return {};
+  const DifferingPart differing = differing_part(files);
+  const fs::path *digits_only = nullptr, *with_letter = nullptr;
+  for (const fs::path& file : files) {
+    const std::string_view part = differing.of(without_extension(file.native()));
+    if (part.empty() || part.find_first_not_of(hexadecimal_digits) != std::string_view::npos) return {};
+    const std::size_t letter = part.find_first_not_of(digits);
+    if (letter == std::string_view::npos) digits_only = &file;
+    if (letter < part.find_last_of(digits) && part.find_last_of(digits) != std::string_view::npos) with_letter = &file;
+  }
+  return digits_only && with_letter ? std::vector{*digits_only, *with_letter} : std::vector<fs::path>{};
+}
+
+std::optional<fs::path> hexadecimal_left_out(const std::vector<fs::path>& files, std::vector<fs::path> all) {
+  if (files.size() < 2 || hexadecimal_numbers(files)) return std::nullopt;
+  const DifferingPart differing = differing_part(files);
+  const std::string_view first = without_extension(files.front().native());
+  std::erase_if(all, [&](const fs::path& file) {
+    const std::string_view name = without_extension(file.native()), part = differing.of(name);
+    return part.empty() || part.find_first_not_of(hexadecimal_digits) != std::string_view::npos ||
+           !name.starts_with(first.substr(0, differing.begin)) ||
+           !name.ends_with(first.substr(first.size() - differing.behind));
+  });
+  if (all.size() <= files.size() || !hexadecimal_numbers(all)) return std::nullopt;
+  return *std::ranges::find_if(all, [&](const fs::path& file) { return std::ranges::count(files, file) == 0; });
 }
 
 std::vector<fs::path> files_of_glob(const std::string& pattern) {

@@ -62,10 +62,21 @@ std::string BoardEvidence::doubt_of_lengths() const {
   const double in_file = circles ? board_.diameter : board_.marker;
   if (sides_m_.empty() || !(in_file > 0)) return {};
   // 1 mm of a marker of 33 mm; views measure it to some hundredths. A corner of a soft edge is detected up to 0.35 px
-  // inside the marker. A circle is measured by its grey values, which depend on the camera's gamma.
-  const double clearly = circles ? 0.15 : 0.03, inside_px = 0.35;
+  // inside the marker. A circle is measured by its grey values, which depend on the camera's gamma. A grid's markers
+  // are compared with their own neighbours: pictures of Kalibr's grid agree to 1 %.
+  const bool is_grid = board_.type == board::BoardType::aruco_grid;
+  const double clearly = circles ? 0.15 : is_grid ? 0.01 : 0.03, inside_px = 0.35;
   const double measured = calib::median(sides_m_), px = calib::median(sides_px_), pitch = board_.pitch.mean();
-  if (std::abs(measured / in_file - 1) < clearly + 2 * inside_px / px) return {};
+  const double larger = measured / in_file - 1;
+  if (larger < clearly && -larger < clearly + 2 * inside_px / px) return {};
+  if (is_grid) {
+    const double gap = in_file * pitch / measured - in_file;  // of markers of that size
+    return fmt::format(
+        "the board file has markers of {:.1f} mm and gaps of {:.1f} mm, but in the images gaps are {:.2f} of a marker "
+        "rather than {:.2f}: one of the two lengths is wrong (if the markers are right: gap: {:.4f}, or in a target "
+        "file of Kalibr tagSpacing: {:.2f})",
+        1000 * in_file, 1000 * (pitch - in_file), gap / in_file, pitch / in_file - 1, gap, gap / in_file);
+  }
   const std::string what = circles ? "circles" : "markers", of = circles ? "distance of the rows" : "square";
   return fmt::format(
       "the board file has {} of {:.1f} mm and {} of {:.1f} mm, but in the images {} are {:.3f} of a {} rather than "

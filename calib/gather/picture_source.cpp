@@ -16,7 +16,7 @@
 #include "calib/gather/image_files.h"
 #include "capture/frames/crop.h"
 #include "capture/frames/jpeg_decoder.h"
-#include "capture/frames/picture_layout.h"
+#include "capture/frames/picture_tags.h"
 #include "capture/timing/frame_synchronizer.h"
 #include "recordings/bags/bag.h"
 #include "recordings/recording.h"
@@ -42,25 +42,27 @@ cv::Mat with_8_bits(const cv::Mat& grey) {
   return result;
 }
 
-// As players show it: turned by a JPEG's own tag (is_turned, then true). throws files::ConfigError with the file's
-// name, which OpenCV's messages lack.
+// As players show it: turned by its own tag (is_turned, then true). throws files::ConfigError with the file's name,
+// which OpenCV's messages lack.
 cv::Mat read_grey(const fs::path& file, bool& is_turned) {
-  const std::string bytes = files::read_text_file(file, largest_image);
-  const bool is_jpeg = bytes.starts_with("\xFF\xD8");
-  if (is_jpeg) {  // OpenCV repairs a damaged JPEG, and corners would be detected in invented content
+  std::string bytes = files::read_text_file(file, largest_image);
+  const std::span picture(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size());
+  const capture::PictureTags tags = capture::tags_of(picture);
+  const auto orientation = tags.orientation.value_or(capture::Orientation{});
+  is_turned = is_turned || !orientation.is_upright();
+  if (bytes.starts_with(
+          "\xFF\xD8")) {  // OpenCV repairs a damaged JPEG, and corners would be detected in invented content
     capture::JpegDecoder decoder;
-    const std::span encoded(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size());
-    const auto jpeg = decoder.decode(encoded);
-    const auto orientation = capture::exif_orientation(encoded).value_or(capture::Orientation{});
-    is_turned = is_turned || !orientation.is_upright();
+    const auto jpeg = decoder.decode(picture);
     if (jpeg.image) return board_grey_of(capture::turned(*jpeg.image, orientation)).clone();
     if (!jpeg.is_unsupported) throw files::ConfigError(file, 0, "is a damaged JPEG: " + jpeg.problem);
   }
+  if (tags.orientation_at > 0) bytes[tags.orientation_at] = 1;  // OpenCV turns TIFFs, whatever its flags say
   cv::Mat grey;
   try {
     const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8U, const_cast<char*>(bytes.data()));
     if (!bytes.empty()) {
-      const int how = cv::IMREAD_GRAYSCALE | (is_jpeg ? 0 : cv::IMREAD_IGNORE_ORIENTATION);
+      const int how = cv::IMREAD_GRAYSCALE | cv::IMREAD_IGNORE_ORIENTATION;
       grey = with_8_bits(cv::imdecode(encoded, how | cv::IMREAD_ANYDEPTH));
       if (grey.depth() != CV_8U) grey = cv::imdecode(encoded, how);
     }
@@ -69,7 +71,14 @@ cv::Mat read_grey(const fs::path& file, bool& is_turned) {
                              "is not an image that can be read (OpenCV: " + files::printable(error.err, 200) + ")");
   }
   if (grey.empty()) throw files::ConfigError(file, 0, "is not an image that can be read");
-  return grey;
+  capture::Image stored{.format = capture::PixelFormat::grey,
+                        .range = capture::ColorRange::full,
+                        .width = grey.cols,
+                        .height = grey.rows,
+                        .planes = {},
+                        .owner = {}};
+  stored.planes[0] = {grey.data, static_cast<std::ptrdiff_t>(grey.step[0])};
+  return board_grey_of(capture::turned(stored, orientation));
 }
 
 cv::Mat cropped(const cv::Mat& grey, const std::optional<capture::Crop>& crop, const fs::path& file) {

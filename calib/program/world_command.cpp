@@ -60,6 +60,14 @@ NewWorld from_board(const calib::CameraRig& rig, const WorldOptions& options, co
   world.rig = solver::in_world(rig, {solver::floor_from_board(world_from_board, options.height_m), 1});
   world.how = fmt::format("the board on the floor at {:.2f} s, seen by {} cameras, {:.2f} px rms",
                           found.set_at_s[static_cast<std::size_t>(set)], views.size(), placed.rms_px);
+  if (board.symmetries().size() > 1) {
+    const calib::Camera& camera = rig.cameras[static_cast<std::size_t>(views.front().camera)];
+    if (const auto origin = camera.project_world(world_from_board.translation))
+      world.details += fmt::format(
+          "  The board looks the same from several sides. The origin is the corner at pixel ({:.0f}, {:.0f}) of {}; a "
+          "board with markers, or of asymmetric circles, leaves no choice.\n",
+          origin->px.x(), origin->px.y(), camera.name);
+  }
   if (!found.board_doubt.empty()) world.doubts.push_back(found.board_doubt);
   if (found.set_at_s.size() > 1 && !options.at_s) {
     world.doubts.push_back(fmt::format(

@@ -40,7 +40,8 @@ std::vector<ImageFile> files_of_pattern(const fs::path& pattern) {
     width = 10 * width + static_cast<std::size_t>(name[at++] - '0');
   if (at >= name.size() || name[at] != 'd' || name.find('%', at) != std::string::npos)
     throw files::ConfigError(pattern, 0,
-                             "is not a pattern of image files: its last part must have one number like %06d");
+                             "is not a pattern of image files: its last part must have one number like %06d; "
+                             "for other numbers (%x) give a glob, like *.png");
   const std::string_view prefix = std::string_view(name).substr(0, begin);
   const std::string_view suffix = std::string_view(name).substr(at + 1);
 
@@ -99,6 +100,37 @@ std::string glob_of_series(const fs::path& file) {
   return end > 0 ? name.replace(begin, end - begin, "*[0-9]") : name;
 }
 
+// frame_*.jpg of frame_*[0-9].jpg and frame_%04d.jpg.
+std::string with_any_number(const fs::path& pattern) {
+  std::string name = pattern.filename().string();
+  for (const auto& [from, to] : {std::pair{'[', ']'}, {'%', 'd'}})
+    for (std::size_t begin = 0; (begin = name.find(from, begin)) != std::string::npos;) {
+      const std::size_t end = name.find(to, begin);
+      if (end == std::string::npos) break;
+      name.replace(begin, end + 1 - begin, "*");
+    }
+  while (name.find("**") != std::string::npos) name.erase(name.find("**"), 1);
+  return (pattern.parent_path() / name).string();
+}
+
+// Whose letters a pattern leaves out: those with digits alone are no series.
+void refuse_a_part_of_hexadecimal(const RecordedCamera& camera, const std::vector<ImageFile>& files) {
+  const std::string wider = with_any_number(camera.frames);
+  if (wider == camera.frames || camera.trusts_times || !camera.timestamps.empty()) return;
+  std::vector<fs::path> paths, all;
+  for (const ImageFile& file : files) paths.push_back(file.path);
+  try {
+    all = files::files_of_glob(wider);
+  } catch (const files::ConfigError&) {  // of other files
+    return;
+  }
+  if (const auto left_out = files::hexadecimal_left_out(paths, std::move(all)))
+    throw files::ConfigError(camera.frames, 0,
+                             "leaves out " + left_out->filename().string() +
+                                 ": the numbers of the pictures are hexadecimal: give \"" +
+                                 fs::path(wider).filename().string() + "\" (frames of camera " + camera.name + ")");
+}
+
 std::vector<ImageFile> files_of_glob(const RecordedCamera& camera) {
   const auto paths = files::files_of_glob(camera.frames.string());
   if (is_counter_begun_again(paths))
@@ -112,6 +144,13 @@ std::vector<ImageFile> files_of_glob(const RecordedCamera& camera) {
                              "matches several series of pictures, which count the same: that of " +
                                  series[0].filename().string() + " and that of " + series[1].filename().string() +
                                  ": name one, as \"" + glob_of_series(series[0]) + "\" (frames of camera " +
+                                 camera.name + ")");
+  if (const auto two = files::letters_in_numbers(paths); camera.timestamps.empty() && !two.empty())
+    throw files::ConfigError(camera.frames, 0,
+                             "the order of the files is not known: " + two[1].filename().string() +
+                                 " has a letter where " + two[0].filename().string() +
+                                 " has a digit, as hexadecimal numbers have, of which others are missing: number them "
+                                 "in the order in which they were taken (frames of camera " +
                                  camera.name + ")");
   // Whoever lists times for the files knows their order.
   if (camera.timestamps.empty() && !files::hold_an_order(paths))
@@ -142,6 +181,7 @@ std::vector<ImageFile> image_files_of(const RecordedCamera& camera) {
     throw files::ConfigError(camera.frames, 0,
                              "no file matches this pattern" + files::files_beside(camera.frames) +
                                  " (frames of camera " + camera.name + ")");
+  refuse_a_part_of_hexadecimal(camera, files);
   return files;
 }
 

@@ -24,17 +24,23 @@ bool is_jpeg(std::span<const std::uint8_t> bytes) {
   return codec_of(bytes) == AV_CODEC_ID_MJPEG;
 }
 
-std::optional<capture::Image> tiff_of(std::span<const std::uint8_t> bytes, capture::SampleDepth& depth) {
-  const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8UC1, const_cast<std::uint8_t*>(bytes.data()));
+std::optional<capture::Image> tiff_of(std::span<const std::uint8_t> bytes, capture::PictureMaker& pictures) {
+  const capture::PictureTags tags = capture::tags_of(bytes);
+  pictures.tag(tags);
+  cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8UC1, const_cast<std::uint8_t*>(bytes.data()));
+  if (tags.orientation_at > 0) {  // OpenCV turns TIFFs, whatever its flags say
+    encoded = encoded.clone();
+    encoded.at<std::uint8_t>(0, static_cast<int>(tags.orientation_at)) = 1;
+  }
   auto decoded = std::make_shared<cv::Mat>();
   try {
     *decoded = cv::imdecode(encoded, cv::IMREAD_ANYCOLOR | cv::IMREAD_ANYDEPTH | cv::IMREAD_IGNORE_ORIENTATION);
     if (decoded->depth() == CV_16U) {
-      depth.fit({{{.data = decoded->data,
-                   .stride = static_cast<std::ptrdiff_t>(decoded->step[0]),
-                   .samples = decoded->total() * static_cast<std::size_t>(decoded->channels()) /
-                              static_cast<std::size_t>(std::max(1, decoded->rows)),
-                   .rows = decoded->rows}}});
+      pictures.depth().fit({{{.data = decoded->data,
+                              .stride = static_cast<std::ptrdiff_t>(decoded->step[0]),
+                              .samples = decoded->total() * static_cast<std::size_t>(decoded->channels()) /
+                                         static_cast<std::size_t>(std::max(1, decoded->rows)),
+                              .rows = decoded->rows}}});
       constexpr double upper_bits = 1. / 256;
       decoded->convertTo(*decoded, CV_8U, upper_bits, -0.5);  // the upper byte, as OpenCV takes it
     } else if (decoded->depth() != CV_8U) {
@@ -52,7 +58,7 @@ std::optional<capture::Image> tiff_of(std::span<const std::uint8_t> bytes, captu
                        .owner = {}};
   image.planes[0] = {decoded->data, static_cast<std::ptrdiff_t>(decoded->step[0])};
   image.owner = std::move(decoded);
-  return image;
+  return pictures.upright(image);
 }
 
 PictureDecoder::PictureDecoder() {
@@ -70,17 +76,17 @@ std::optional<capture::Image> PictureDecoder::decode(std::shared_ptr<const std::
     problem_ = "it is neither JPEG, PNG, WebP nor TIFF";
     return std::nullopt;
   }
+  pictures_.tag(capture::tags_of(*bytes));
   if (id == AV_CODEC_ID_MJPEG) {
     auto result = jpeg_.read(bytes);
     problem_ = result.problem;
-    if (result.image) return pictures_.upright(*result.image, capture::exif_orientation(*bytes));
+    if (result.image) return pictures_.upright(*result.image);
     if (!result.is_unsupported) return std::nullopt;
   }
   if (id == AV_CODEC_ID_TIFF) {
     problem_ = "it is no TIFF that OpenCV can decode";
-    return tiff_of(*bytes, pictures_.depth());
+    return tiff_of(*bytes, pictures_);
   }
-  if (id == AV_CODEC_ID_PNG) pictures_.depth().tag(capture::png_significant_bits(*bytes));
   return decode_by_ffmpeg(*bytes, id);
 }
 
@@ -101,6 +107,7 @@ std::optional<capture::Image> PictureDecoder::decode_by_ffmpeg(std::span<const s
   std::ranges::copy(bytes, packet->data);
   packet->flags |= AV_PKT_FLAG_KEY;  // FFmpeg's PNG decoder supports predicted pictures
   capture::FramePtr frame(capture::not_null(av_frame_alloc()));
+  codec.examine(*packet);
   if (codec.send(packet.get()) < 0 || codec.receive(*frame) < 0) return std::nullopt;
   return pictures_.image_of(std::move(frame), id);
 }

@@ -21,14 +21,14 @@ namespace huetrack::recordings {
 bool is_jpeg(std::span<const std::uint8_t> bytes);
 
 // By OpenCV, as calibrations read it: FFmpeg's decoder shows JPEG in TIFF as black. nullopt: damaged, or of no kind
-// that it knows
-std::optional<capture::Image> tiff_of(std::span<const std::uint8_t> bytes, capture::SampleDepth& depth);
+// that it knows. Turned as its tags say.
+std::optional<capture::Image> tiff_of(std::span<const std::uint8_t> bytes, capture::PictureMaker& pictures);
 
 // thread-compatible.
 class PictureDecoder {
  public:
   PictureDecoder();
-  // JPEG with the live cameras' reader, for the same pixels; turned as its EXIF data say. nullopt: damaged, or of no
+  // JPEG with the live cameras' reader, for the same pixels. Turned as its tags say. nullopt: damaged, or of no
   // known kind: see take_problem()
   std::optional<capture::Image> decode(std::shared_ptr<const std::vector<std::uint8_t>> bytes);
   // FFmpeg's picture as an Image. nullopt: it cannot be converted

@@ -20,21 +20,16 @@ void PictureOrder::sent(std::optional<std::int64_t> stamp, bool is_trimmed) {
 }
 
 void PictureOrder::failed() {
+  if (takes_earliest_) give_waiting();
   if (!takes_earliest_ || pending_.empty()) return;  // otherwise its own stamp tells, when a later one is shown
+  last_ = pending_.front().stamp;
   decided_.push_back({pending_.front().stamp + shift_, nullptr});
   pending_.erase(pending_.begin());
 }
 
 void PictureOrder::shown(std::optional<std::int64_t> stamp, capture::FramePtr frame) {
   if (takes_earliest_) {
-    if (pending_.empty() && unstamped_ == 0) return;  // failed() gave it up
-    if (pending_.empty()) {
-      --unstamped_;
-      decided_.push_back({std::nullopt, std::move(frame)});
-      return;
-    }
-    decided_.push_back({pending_.front().stamp + shift_, std::move(frame)});
-    pending_.erase(pending_.begin());
+    show_earliest(stamp, std::move(frame));
     return;
   }
   const auto own = stamp ? std::ranges::find(pending_, *stamp, &Sent::stamp) : pending_.end();
@@ -59,6 +54,50 @@ void PictureOrder::shown(std::optional<std::int64_t> stamp, capture::FramePtr fr
     decide();
 }
 
+void PictureOrder::show_earliest(std::optional<std::int64_t> stamp, capture::FramePtr frame) {
+  if (waiting_.size() == pending_.size()) {
+    give_waiting();
+    if (unstamped_ == 0) return;  // failed() gave it up
+    --unstamped_;
+    decided_.push_back({std::nullopt, std::move(frame)});
+    return;
+  }
+  waiting_.push_back(std::move(frame));
+  if (stamp && (!latest_ || *stamp > *latest_)) latest_ = stamp;
+  const auto sent_up_to =
+      latest_ ? std::ranges::upper_bound(pending_, *latest_, {}, &Sent::stamp) - pending_.begin() : 0;
+  if (std::size_t(sent_up_to) <= waiting_.size() || waiting_.size() > most_reordered) give_waiting();
+}
+
+void PictureOrder::give_waiting() {
+  const std::size_t ahead = waiting_.empty() ? 0 : waiting_.size() - 1;
+  latest_.reset();
+  for (std::size_t k = 1; k < pending_.size() && k <= waiting_.size(); ++k) {
+    const std::int64_t step = pending_[k].stamp - pending_[k - 1].stamp;
+    if (step > 0) step_ = std::min(step_.value_or(step), step);
+  }
+  for (bool is_first = true; capture::FramePtr & frame : std::exchange(waiting_, {})) {
+    judge_gap(std::exchange(is_first, false) ? ahead : 0);
+    last_ = pending_.front().stamp;
+    decided_.push_back({*last_ + shift_, std::move(frame)});
+    pending_.erase(pending_.begin());
+    ++given_;
+  }
+  longest_run_ = std::max(longest_run_, ahead);
+}
+
+// Before the earliest stamp that is pending. ahead: pictures that are shown before the one that was coded with it.
+void PictureOrder::judge_gap(std::size_t ahead) {
+  if (!last_ || !step_) return;
+  const std::int64_t missing = pending_.front().stamp - *last_ - *step_;
+  if (2 * missing <= *step_) return;
+  const std::int64_t kept_back = ahead > longest_run_ ? static_cast<std::int64_t>(ahead - longest_run_) : 0;
+  if (2 * missing <= (2 * kept_back + 1) * *step_)
+    shift_ -= missing, taken_out_ += missing;
+  else if (gaps_.count++ == 0)
+    gaps_.first_after = given_;
+}
+
 // Stamps are right: what is pending before them was lost.
 void PictureOrder::decide() {
   // Trimmed pictures are kept back until one follows that is not: stamps of decoding trim the wrong ones.
@@ -68,6 +107,8 @@ void PictureOrder::decide() {
     give_lost_before(held.sent.stamp);
     if (held.sent.is_trimmed) continue;
     has_given_ = true;
+    last_ = held.sent.stamp;
+    ++given_;
     decided_.push_back({held.sent.stamp, std::move(held.frame)});
   }
 }
@@ -91,7 +132,10 @@ void PictureOrder::take_decoding_order() {
 }
 
 void PictureOrder::end() {
-  if (!takes_earliest_) decide();
+  if (takes_earliest_)
+    give_waiting();
+  else
+    decide();
   for (const Sent& lost : std::exchange(pending_, {}))
     if (takes_earliest_ || !lost.is_trimmed) decided_.push_back({lost.stamp + shift_, nullptr});
   for (; unstamped_ > 0; --unstamped_) decided_.push_back({std::nullopt, nullptr});

@@ -1,7 +1,9 @@
 // Which time stamp a picture has. Decoders return pictures in the order in which they are shown; packets come in the
 // order of decoding, some with wrong time stamps. In a sound file a picture's own stamp is the earliest of those sent
 // and not shown yet. A later one means that pictures were lost, or that the stamps are in the order of decoding; that
-// is known once an earlier one is shown or enough pictures have passed. Private to this module.
+// is known once an earlier one is shown or enough pictures have passed. Encoders that stamp packets as they write them
+// wait for the pictures that B frames need, so those stamps have gaps: one wherever more pictures in a row than before
+// are shown before the one that was coded first. These are taken out. Private to this module.
 #pragma once
 
 #include <cstdint>
@@ -33,6 +35,16 @@ class PictureOrder {
 
   std::optional<Picture> next();  // decided ones; nullopt: none now
 
+  // Of such stamps, gaps that no encoder explains: how many, and how many pictures came before the first one. 0: there
+  // are no B frames.
+  struct Gaps {
+    std::int64_t count = 0, first_after = 0;
+  };
+  Gaps gaps() const { return longest_run_ > 0 ? gaps_ : Gaps{}; }
+
+  // How much shorter the film became without the gaps that encoders explain.
+  std::int64_t taken_out() const { return taken_out_; }
+
   // Stamps are in the order of decoding, though pictures are shown in another one: each got the earliest stamp.
   bool had_stamps_of_decoding() const { return is_decoding_order_; }
 
@@ -46,6 +58,9 @@ class PictureOrder {
     Sent sent;
     capture::FramePtr frame;
   };
+  void show_earliest(std::optional<std::int64_t> stamp, capture::FramePtr frame);
+  void give_waiting();
+  void judge_gap(std::size_t ahead);
   void give_lost_before(std::int64_t stamp);
   void decide();
   void take_decoding_order();
@@ -58,7 +73,15 @@ class PictureOrder {
   bool takes_earliest_ = false;
   bool is_decoding_order_ = false;
   bool has_given_ = false;  // a picture that is not trimmed
-  std::int64_t shift_ = 0;  // of stamps in the order of decoding
+  // Of stamps in the order of decoding:
+  std::deque<capture::FramePtr> waiting_;  // shown, undecided: one that was sent before them is not
+  std::optional<std::int64_t> latest_;     // of their own stamps
+  std::optional<std::int64_t> last_;       // stamp given, before the shift
+  std::optional<std::int64_t> step_;       // between two
+  std::int64_t shift_ = 0, given_ = 0;     // pictures
+  std::size_t longest_run_ = 0;            // of pictures shown before one that was sent before them
+  std::int64_t taken_out_ = 0;             // of gaps
+  Gaps gaps_;
 };
 
 }  // namespace huetrack::recordings

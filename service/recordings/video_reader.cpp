@@ -42,6 +42,8 @@ std::int64_t FrameSelection::count_below(std::int64_t end) const {
 namespace {
 
 constexpr std::int64_t longest_gap_frames = 1000;  // a damaged time stamp must not create frames
+constexpr double rounding_s = 1.001e-3;            // of stamps in Matroska, FLV and edit lists: milliseconds
+constexpr int most_mpeg4_waits = 4;                // frames: XviD and DivX write at most 3 B frames in a row
 constexpr int most_warnings = 5;                   // of one kind; further ones are summed up
 
 // Formats that are a film, picture or sound by themselves. Play lists (hls, concat, dash) name other files, and FFmpeg
@@ -86,10 +88,10 @@ struct VideoReader::Impl {
     std::error_code error;
     if (!std::filesystem::exists(file, error)) fail(file, "no such file" + files::files_beside(file));
     if (!std::filesystem::is_regular_file(file, error))
-      fail(file,
-           std::string("is not a file: give a video, or images as a pattern like %06d.png; a folder may hold the parts "
-                       "of a film as transport streams (.MTS, .ts): if it holds others, ") +
-               how_to_join);
+      fail(file, "is not a file: give a video, or images as a pattern like %06d.png or \"" + (file / "*.png").string() +
+                     "\"" + files::files_beside(file / "*") +
+                     "; a folder may hold the parts of a film as transport streams (.MTS, .ts): if it holds others, " +
+                     how_to_join);
     if (std::filesystem::file_size(file, error) == 0 && !error) fail(file, "is empty");
 
     // Local files only: a play list in a recording must not access the network.
@@ -154,10 +156,7 @@ struct VideoReader::Impl {
       const std::string_view container = format->iformat->name;
       is_avi = container == "avi";
       has_stamps = !has_no_stamps(*format->iformat);
-      if (is_avi) {
-        order.count_packets();
-        find_empty_chunks();
-      }
+      if (is_avi) order.count_packets();
       count_listed_packets(container);
       // A transport or program stream's clock begins anywhere: players begin at its first picture.
       const bool begins_anywhere = (format->iformat->flags & AVFMT_TS_DISCONT) != 0;
@@ -259,7 +258,7 @@ struct VideoReader::Impl {
       return;
     }
     if (packet->stream_index == stream->index) {
-      if (++packets == 1) find_decoding_delay();
+      ++packets;
       if (is_damaged || (packet->flags & AV_PKT_FLAG_CORRUPT) != 0) {
         warn(damage_warnings, "is damaged near frame " + std::to_string(index) + log.take());
         damaged = true;
@@ -267,6 +266,7 @@ struct VideoReader::Impl {
       }
       stamp_from_avi_index();
       use_times_of_decoding();
+      if (!has_first_packet) find_decoding_delay();
       if (packets > 1 && is_series_of_pictures(*format->iformat)) has_stamps = false;
       if (!has_stamps) packet->pts = packet->dts = AV_NOPTS_VALUE;
       if (is_delayed)
@@ -286,11 +286,33 @@ struct VideoReader::Impl {
     if (has_only_times_of_decoding) packet->pts = packet->dts;
   }
 
-  // Where B frames are decoded before they are shown, a container whose times of decoding begin at 0 (fragmented MP4,
-  // FLV) has the first picture later, unless an edit list takes that out.
+  // Where B frames are decoded before they are shown, films begin later than 0 by that delay if their times of decoding
+  // begin at 0 (fragmented MP4, FLV; copied from such a file or an AVI), unless an edit list takes that out. Matroska
+  // and NUT do not store times of decoding: there a whole number of frames is taken for it.
   void find_decoding_delay() {
-    if (!clock_start && packet->dts == 0 && stream->codecpar->video_delay > 0 && stream->start_time != AV_NOPTS_VALUE)
-      decoding_delay = std::max<std::int64_t>(0, stream->start_time);
+    has_first_packet = true;
+    const std::int64_t first = is_avi || stream->start_time == AV_NOPTS_VALUE ? packet->pts : stream->start_time;
+    const int reordered = stream->codecpar->video_delay;
+    if (clock_start || reordered == 0 || first == AV_NOPTS_VALUE || first <= 0) return;
+    const auto is_none = [&](double ticks) { return std::abs(ticks) * av_q2d(stream->time_base) <= rounding_s; };
+    const std::string_view container = format->iformat->name;
+    const bool has_decoding_times = !is_avi && container != "nut" && !container.starts_with("matroska");
+    if (has_decoding_times && packet->dts != AV_NOPTS_VALUE && is_none(static_cast<double>(packet->dts))) {
+      decoding_delay = first;
+      return;
+    }
+    const AVRational rate = stream->r_frame_rate.num > 0 ? stream->r_frame_rate : stream->avg_frame_rate;
+    const double period = av_q2d(av_inv_q(av_mul_q(rate, stream->time_base)));
+    const double frames = std::round(static_cast<double>(first) / period);
+    const int longest = codec.codec().codec_id == AV_CODEC_ID_MPEG4 ? most_mpeg4_waits : reordered;
+    if (!(frames >= 1 && frames <= longest && is_none(static_cast<double>(first) - frames * period))) return;
+    decoding_delay = first;
+    if (camera.fps > 0 || !camera.timestamps.empty() || camera.offset != capture::Duration::zero()) return;
+    const std::string begin_s = std::to_string(capture::seconds(duration_of_ticks(first))).substr(0, 5);
+    warnings.push_back(camera.frames.string() + ": begins at " + begin_s +
+                       " s, as long as the coding of its B frames takes, so it is played from 0: if the camera "
+                       "really began so much later, give offset_s: " +
+                       begin_s);
   }
 
   // An AVI's only time stamps are chunk numbers, and FFmpeg counts only chunks that it finds. The index has the right
@@ -299,7 +321,6 @@ struct VideoReader::Impl {
     if (!is_avi || packet->dts == AV_NOPTS_VALUE) return;
     packet->pts = packet->dts;
     packets = std::max(packets, packet->dts + 1);  // empty chunks are none
-    if (packet->dts > 0) packet->pts -= delay_chunks;
     if (packet->pos < 0) return;
     const AVIndexEntry* entry = nullptr;
     for (; next_avi_entry < avformat_index_get_entries_count(stream); ++next_avi_entry) {
@@ -307,34 +328,9 @@ struct VideoReader::Impl {
       if (next->pos > packet->pos) break;
       entry = next;
     }
-    if (!entry || entry->timestamp - delay_chunks <= packet->pts) return;
-    packet->pts = entry->timestamp - delay_chunks;
+    if (!entry || entry->timestamp <= packet->pts) return;
+    packet->pts = entry->timestamp;
     damaged = true;
-  }
-
-  // An empty chunk of an AVI stands for a picture that was dropped; but encoders of B frames write one after the first
-  // picture, while they wait for the next ones, and some programs write one after every picture.
-  void find_empty_chunks() {
-    const int count = avformat_index_get_entries_count(stream);
-    std::vector<std::int64_t> steps;
-    for (int i = 1; i < count; ++i)
-      steps.push_back(avformat_index_get_entry(stream, i)->timestamp -
-                      avformat_index_get_entry(stream, i - 1)->timestamp);
-    if (steps.size() < 2 || stream->codecpar->video_delay == 0) return;
-    std::vector<std::int64_t> sorted = steps;
-    const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
-    std::ranges::nth_element(sorted, middle);
-    if (const auto waits = steps[0] - *middle; waits > 0 && waits <= stream->codecpar->video_delay * *middle) {
-      delay_chunks = waits;
-      steps[0] = *middle;
-    }
-    const auto first = std::ranges::find_if(steps, [&](std::int64_t step) { return step > *middle; });
-    if (first == steps.end() || camera.fps > 0 || !camera.timestamps.empty()) return;
-    const auto places = std::ranges::count_if(steps, [&](std::int64_t step) { return step > *middle; });
-    warnings.push_back(camera.frames.string() + ": has empty chunks at " + std::to_string(places) +
-                       (places == 1 ? " place" : " places") + ", first after picture " +
-                       std::to_string(first - steps.begin()) +
-                       " of the file: they count as frames that the camera dropped; if it dropped none, give fps");
   }
 
   // For a decoder without delay: packet number equals frame number.
@@ -366,10 +362,11 @@ struct VideoReader::Impl {
     Decoded result;
     if (packet->size == 0) return result;  // would signal the end to the decoder
     const AVCodecID kind = codec.codec().codec_id;
-    if (kind == AV_CODEC_ID_MJPEG && decode_jpeg(result)) return result;
     const std::span<const std::uint8_t> bytes(packet->data, static_cast<std::size_t>(packet->size));
-    if (kind == AV_CODEC_ID_TIFF) return {.image = tiff_of(bytes, pictures.depth())};
-    if (kind == AV_CODEC_ID_PNG) pictures.depth().tag(capture::png_significant_bits(bytes));
+    if (kind == AV_CODEC_ID_TIFF) return {.image = tiff_of(bytes, pictures)};
+    if (is_intra_only) pictures.tag(capture::tags_of(bytes));
+    if (kind == AV_CODEC_ID_MJPEG && decode_jpeg(result)) return result;
+    codec.examine(*packet);
     const int errors_before = log.count();
     int error = codec.send(packet.get());
     while (error == 0) {
@@ -398,8 +395,7 @@ struct VideoReader::Impl {
       return false;
     if (!decoded.image) return true;
     if (stored.color_range == AVCOL_RANGE_MPEG) decoded.image->range = capture::ColorRange::limited;
-    result.image = pictures.upright(*decoded.image,
-                                    capture::exif_orientation({packet->data, static_cast<std::size_t>(packet->size)}));
+    result.image = pictures.upright(*decoded.image);
     // A turned picture's bytes are those of another one.
     if (keeps_jpeg && result.image->planes[0].data == decoded.image->planes[0].data) jpeg_bytes = std::move(bytes);
     return true;
@@ -564,7 +560,7 @@ struct VideoReader::Impl {
     const std::int64_t before_0 = std::min<std::int64_t>(0, clock_start.value_or(0));  // a clock that has wrapped
     // Times of showing are later than those of decoding, up to which such a file counts.
     const double delay = has_only_times_of_decoding ? stream->codecpar->video_delay * *ticks : 0;
-    return static_cast<double>(*last_pts - before_0) + delay + 2.5 * *ticks < end;
+    return static_cast<double>(*last_pts + order.taken_out() - before_0) + delay + 2.5 * *ticks < end;
   }
 
   std::optional<std::int64_t> frame_count() const {
@@ -584,6 +580,13 @@ struct VideoReader::Impl {
                          ": has only times of decoding, which are not even: those of showing are wrong around every "
                          "gap, by up to " +
                          std::to_string(stream->codecpar->video_delay) + " frames: give timestamps");
+    // An empty chunk of an AVI stands for a picture that was dropped.
+    if (const auto gaps = order.gaps();
+        is_avi && gaps.count > 0 && !damaged && camera.fps == 0 && camera.timestamps.empty())
+      warnings.push_back(camera.frames.string() + ": has empty chunks at " + std::to_string(gaps.count) +
+                         (gaps.count == 1 ? " place" : " places") + ", first after picture " +
+                         std::to_string(gaps.first_after - 1) +
+                         " of the file: they count as frames that the camera dropped; if it dropped none, give fps");
     sum_up(lost_warnings, "frames that do not decode");
     sum_up(damage_warnings, "damaged places");
   }
@@ -607,7 +610,6 @@ struct VideoReader::Impl {
   capture::PacketPtr packet{capture::not_null(av_packet_alloc())};
   capture::PictureMaker pictures;
   int next_avi_entry = 0;
-  std::int64_t delay_chunks = 0;            // of an AVI, after its first picture
   std::optional<std::int64_t> clock_start;  // ticks; of a container whose clock does not start at 0
   std::int64_t decoding_delay = 0;          // ticks, before the first picture
   bool is_intra_only = false;
@@ -615,6 +617,7 @@ struct VideoReader::Impl {
   bool is_avi = false;
   bool has_stamps = true;
   bool has_only_times_of_decoding = false;
+  bool has_first_packet = false;
   bool warned_of_order = false;
   std::int64_t packets = 0;                            // read
   std::int64_t listed_packets = 0, listed_frames = 0;  // by the file's index or header; 0: unknown

@@ -443,6 +443,7 @@ TEST(BoardDetectorCaptures, KalibrsAprilGrid) {
     const BoardDetection found = detector.detect(view_of(image));
     EXPECT_GE(found.ids.size(), 4u * 35u) << entry.path() << found.why_not;  // a tag is cut off in two of them
     EXPECT_EQ(found.contradicting_markers, 0);
+    EXPECT_NEAR(found.marker_m, 0.088, 0.001);
   }
 }
 

@@ -97,30 +97,6 @@ TEST(PictureLayout, AFieldsRowsStayAndTheOthersAreInterpolated) {
   }
 }
 
-// A JPEG's first bytes with one EXIF entry.
-std::vector<std::uint8_t> jpeg_with(unsigned tag, bool is_little) {
-  std::vector<std::uint8_t> bytes{0xFF, 0xD8, 0xFF, 0xE0, 0, 4, 0, 0, 0xFF, 0xE1, 0, 34, 'E', 'x', 'i', 'f', 0, 0};
-  const auto add = [&](unsigned value, int size) {
-    for (int i = 0; i < size; ++i) bytes.push_back(std::uint8_t(value >> 8 * (is_little ? i : size - 1 - i)));
-  };
-  bytes.insert(bytes.end(), 2, is_little ? 'I' : 'M');
-  add(42, 2), add(8, 4), add(1, 2);
-  add(0x0112, 2), add(3, 2), add(1, 4), add(tag, 2), add(0, 2);
-  add(0, 4);
-  return bytes;
-}
-
-TEST(PictureLayout, ReadsTheOrientationInAJpeg) {
-  for (const bool is_little : {true, false}) {
-    EXPECT_EQ(exif_orientation(jpeg_with(6, is_little)), orientation_of_tag(6));
-    const auto whole = jpeg_with(8, is_little);
-    for (std::size_t size = 0; size < whole.size(); ++size)  // never beyond the end
-      exif_orientation(std::vector<std::uint8_t>(whole.begin(), whole.begin() + std::ptrdiff_t(size)));
-  }
-  EXPECT_EQ(exif_orientation(jpeg_with(0, true)), std::nullopt);
-  EXPECT_EQ(exif_orientation(std::vector<std::uint8_t>{0xFF, 0xD8, 0xFF, 0xDB, 0, 3, 1}), std::nullopt);
-}
-
 TEST(PictureLayout, NotesSayWhatIsDone) {
   EXPECT_THAT(notes_on({}), IsEmpty());
   EXPECT_THAT(notes_on({.orientation = {-1, 0, 0, -1}, .turned_deg = 180}),

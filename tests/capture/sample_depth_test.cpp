@@ -67,15 +67,6 @@ TEST(SampleDepth, TheFirstPictureDecides) {
   EXPECT_THAT(opaque.unexplained_largest(), Optional(6));
 }
 
-TEST(SampleDepth, ReadsTheTagOfAPng) {
-  std::vector<std::uint8_t> png{0x89, 'P', 'N', 'G', 13, 10, 26, 10, 0, 0, 0, 3,   's', 'B', 'I', 'T',
-                                12,   11,  12,  1,   2,  3,  4,  0,  0, 0, 0, 'I', 'D', 'A', 'T'};
-  EXPECT_EQ(png_significant_bits(png), 12);
-  png[15] = 'X';
-  EXPECT_EQ(png_significant_bits(png), 0);
-  for (std::size_t size = 0; size < png.size(); ++size) png_significant_bits({png.data(), size});
-}
-
 TEST(SampleDepth, IsAskedOfEveryPictureOf16Bits) {
   for (const AVPixelFormat format :
        {AV_PIX_FMT_GRAY16BE, AV_PIX_FMT_GRAY16LE, AV_PIX_FMT_RGB48BE, AV_PIX_FMT_RGBA64LE}) {

@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 
 #include <algorithm>
+#include <cctype>
+#include <cstdio>
 #include <fstream>
 #include <random>
 
@@ -93,6 +95,59 @@ TEST(FileOrder, AMinusThatMayBeBothIsRefused) {
     } catch (const ConfigError& error) {
       EXPECT_THAT(error.what(), testing::HasSubstr("may be a sign or a separator"));
     }
+}
+
+std::string hexadecimal(int number, int width = 0) {
+  char text[16];
+  std::snprintf(text, sizeof(text), "%0*x", width, unsigned(number));
+  return text;
+}
+
+// Of the pictures 0 to 119, without those that are missing.
+std::vector<std::filesystem::path> counted_by_16(int width, int one_of) {
+  std::vector<std::filesystem::path> files;
+  for (int k = 0; k < 120; ++k)
+    if (k % 7 % one_of == 0) files.push_back("cam0/frame_" + hexadecimal(k, width) + ".jpg");
+  return files;
+}
+
+TEST(FileOrder, HexadecimalNumbersAreNumbers) {
+  for (const int width : {1, 2, 4})
+    for (const int one_of : {1, 2, 3}) {
+      const auto ordered = counted_by_16(width, one_of);
+      EXPECT_EQ(sorted(ordered), ordered) << width << one_of;
+      EXPECT_TRUE(hold_an_order(ordered)) << width << one_of;
+      EXPECT_THAT(several_series(ordered), testing::IsEmpty()) << width << one_of;
+      EXPECT_THAT(letters_in_numbers(ordered), testing::IsEmpty()) << width << one_of;
+    }
+  EXPECT_EQ(last_numbers(counted_by_16(1, 1)).back(), 119);
+  std::vector<std::filesystem::path> hashes;
+  std::mt19937_64 random(1);
+  for (int k = 0; k < 100; ++k) hashes.emplace_back(hexadecimal(int(random() >> 36), 8));
+  EXPECT_FALSE(hold_an_order(hashes));
+}
+
+// Of which a pattern leaves out those that end with a letter.
+TEST(FileOrder, APartOfHexadecimalNumbersIsNamed) {
+  for (const int width : {1, 3}) {
+    const auto all = counted_by_16(width, 1);
+    std::vector<std::filesystem::path> chosen;
+    std::ranges::copy_if(all, std::back_inserter(chosen), [](const std::filesystem::path& file) {
+      return std::isdigit(static_cast<unsigned char>(file.stem().string().back())) != 0;
+    });
+    EXPECT_EQ(hexadecimal_left_out(chosen, all), all[10]) << width;
+    EXPECT_EQ(hexadecimal_left_out(all, all), std::nullopt) << width;
+    EXPECT_EQ(hexadecimal_left_out(chosen, chosen), std::nullopt) << width;
+    // copies and other series beside decimal numbers
+    EXPECT_EQ(hexadecimal_left_out({"1.jpg", "2.jpg", "3.jpg"}, {"1.jpg", "1b.jpg", "2.jpg", "3.jpg", "b_1.jpg"}),
+              std::nullopt);
+  }
+  std::vector<std::filesystem::path> larger;  // to 0xff
+  for (int k = 0; k < 256; ++k)
+    if (k % 16 < 10) larger.push_back("f" + hexadecimal(k, 2) + ".jpg");
+  EXPECT_THAT(letters_in_numbers(larger), testing::SizeIs(2));
+  EXPECT_THAT(letters_in_numbers({"1.jpg", "1b.jpg", "2.jpg"}), testing::IsEmpty());
+  EXPECT_THAT(letters_in_numbers({"a1.jpg", "a2.jpg", "b1.jpg", "b2.jpg"}), testing::IsEmpty());
 }
 
 TEST(FileOrder, HexadecimalCountersAreOrderedByLetters) {

@@ -112,6 +112,21 @@ TEST(FindBoards, ReportsWrongMarkerSizes) {
                              testing::HasSubstr("markers are 0.74"), testing::HasSubstr("rather than 0.667")));
 }
 
+// As Kalibr's tagSpacing, which is measured with a ruler. Corners of soft edges are detected inside the marker.
+TEST(FindBoards, ReportsWrongGapsOfAGrid) {
+  const board::Board real{.type = board::BoardType::aruco_grid, .columns = 5, .rows = 4, .marker = 0.024};
+  const auto doubt = [&](double pitch) {
+    board::Board in_file = real;
+    in_file.pitch.setConstant(pitch);
+    BoardPictures source({real});
+    return find_boards(source, board::BoardDetector(in_file), {.progress = false, .page = {}}, {}).board_doubt;
+  };
+  EXPECT_EQ(doubt(real.pitch.x()), "");
+  for (const double wrong : {0.029, 0.0315})
+    EXPECT_THAT(doubt(wrong), testing::AllOf(testing::HasSubstr("gaps are 0.26"), testing::HasSubstr("gap: 0.006"),
+                                             testing::HasSubstr("tagSpacing: 0.26")));
+}
+
 // In some pictures so little is seen of the board that it is found all the same.
 TEST(FindBoards, ReportsSwappedColumnsAndRows) {
   const board::Board in_file{.type = board::BoardType::charuco, .columns = 7, .rows = 5, .marker = 0.0225};

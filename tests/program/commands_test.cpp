@@ -507,6 +507,9 @@ TEST_F(Calibrate, TheWorldOfABoardOnTheFloor) {
     EXPECT_LT((set.cameras[c].centre() - Eigen::Vector3d(p.y(), -p.x(), p.z())).norm(), 0.01) << c;
   }
   EXPECT_THAT(end_to_end::contents(path("rig.yaml")), HasSubstr("the board on the floor"));
+  const Eigen::Vector2d origin = truth.cameras[0].project_world(world_from_board.translation).value().px;  // ambiguous
+  EXPECT_THAT(result.out, HasSubstr("The origin is the corner at pixel (" + std::to_string(std::lround(origin.x())) +
+                                    ", " + std::to_string(std::lround(origin.y())) + ") of cam0"));
 
   // Points, measured by their pixels; the rig's scale is wrong.
   std::ofstream points(path("points.yaml"));

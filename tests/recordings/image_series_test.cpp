@@ -55,6 +55,21 @@ TEST_F(ImageSeries, NegativeNumbersComeFirst) {
               ElementsAre(Pair(0, "f-02.png"), Pair(2, "f000.png"), Pair(12, "f010.png")));
 }
 
+// Each digit pair of which the first ones go on to f.
+TEST_F(ImageSeries, HexadecimalNumbersArePlayedWholeOrRefused) {
+  std::vector<std::string> names;
+  for (const char* high : {"", "1", "2", "3", "4", "5"})
+    for (const char low : std::string("0123456789abcdef")) names.push_back("f_" + std::string(high) + low + ".jpg");
+  const auto all = series(names, "f_*.jpg");
+  ASSERT_EQ(all.size(), names.size());
+  for (std::size_t k = 0; k < names.size(); ++k) EXPECT_EQ(all[k], std::pair(std::int64_t(k), names[k]));
+  for (const std::string part : {"f_*[0-9].jpg", "f_%d.jpg"})
+    EXPECT_THAT(refusal(names, part), testing::AllOf(HasSubstr("leaves out f_a.jpg"), HasSubstr("give \"f_*.jpg\"")));
+  EXPECT_THAT(refusal(names, "f_%x.jpg"), HasSubstr("for other numbers (%x) give a glob"));
+  EXPECT_THAT(refusal({"f_08.jpg", "f_09.jpg", "f_0a0.jpg", "f_0a1.jpg", "f_10.jpg"}, "f_*.jpg"),
+              HasSubstr("f_0a1.jpg has a letter where f_10.jpg has a digit"));
+}
+
 TEST_F(ImageSeries, NumbersInNamesAreReadAcrossZero) {
   std::vector<std::string> names;
   for (int k = -10; k < 20; ++k)

@@ -69,6 +69,39 @@ TEST(PictureOrder, StampsInTheOrderOfDecodingAreGivenInTheOrderShown) {  // I P 
   EXPECT_TRUE(order.had_stamps_of_decoding());
 }
 
+// XviD: I P B, from packets 0, 2, 3; later I P B B, which keeps back one more: a gap of as many packets.
+TEST(PictureOrder, GapsOfAnEncoderThatWaitsAreNoDroppedFrames) {
+  for (const bool are_counted : {true, false})
+    for (const int dropped : {0, 5}) {
+      PictureOrder order;
+      if (are_counted) order.count_packets();
+      const std::vector<int> shown{0, 2, 1, 4, 3, 7, 5, 6, 10, 8, 9, 13, 11, 12};  // as they are coded
+      std::int64_t stamp = 0;
+      std::optional<std::pair<Stamp, int>> reference;
+      for (const int picture : shown) {
+        order.sent(stamp);
+        const bool is_reference = picture != 1 && picture != 3 && picture != 5 && picture != 6 && picture != 8 &&
+                                  picture != 9 && picture != 11 && picture != 12;
+        if (is_reference && reference) order.shown(reference->first, frame(reference->second + 1));
+        if (is_reference)
+          reference = std::pair(Stamp(stamp), picture);
+        else
+          order.shown(stamp, frame(picture + 1));
+        stamp += picture == 0 || picture == 3 ? 2 : 1;
+        if (picture == 9) stamp += dropped;
+      }
+      order.shown(reference->first, frame(reference->second + 1));
+      order.end();
+      const auto pictures = taken(order);
+      ASSERT_EQ(pictures.size(), shown.size());
+      for (int k = 0; k < int(pictures.size()); ++k)
+        EXPECT_EQ(pictures[std::size_t(k)], std::pair(Stamp(k + (k > 10 ? dropped : 0)), k + 1)) << are_counted;
+      EXPECT_EQ(order.gaps().count, dropped > 0 ? 1 : 0);
+      EXPECT_EQ(order.gaps().first_after, dropped > 0 ? 11 : 0);
+      EXPECT_EQ(order.taken_out(), 2);
+    }
+}
+
 // An edit list for B frames, made from stamps of decoding, trims pictures of the film.
 TEST(PictureOrder, StampsOfDecodingTrimNothing) {
   PictureOrder order;

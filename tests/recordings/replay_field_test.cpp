@@ -188,6 +188,54 @@ TEST_F(FieldFile, TheDelayOfDecodingIsNoTime) {
   EXPECT_NEAR(play_field(write("later.flv", later)).at_frames.front(), 5, 0.03);
 }
 
+// Copied from an AVI, whose stamps of decoding begin at 0; Matroska has only those of showing.
+TEST_F(FieldFile, TheDelayOfACopiedFilmIsNoTime) {
+  for (const std::string codec : {"mpeg4", "libx264"})
+    for (const std::string file : {"a.mp4", "a.mov", "a.mkv", "a.nut"}) {
+      Clip clip = with_b_frames(codec);
+      const int delay = codec == "mpeg4" ? 1 : 2;
+      clip.tamper = [&](int, AVPacket& packet) {
+        packet.pts += delay, packet.dts += delay;
+        return true;
+      };
+      const FieldPlay played = play_field(write(file, clip));
+      EXPECT_THAT(played.shown, numbers_to(18)) << file << codec;
+      EXPECT_NEAR(played.at_frames.front(), 0, 0.03) << file << codec;
+      expect_even_times(played);
+      const bool has_times_of_decoding = file == "a.mp4" || file == "a.mov";
+      if (has_times_of_decoding)
+        EXPECT_THAT(played.warnings, IsEmpty()) << file << codec;
+      else
+        EXPECT_THAT(played.warnings, ElementsAre(AllOf(HasSubstr("played from 0"), HasSubstr("give offset_s: 0."))))
+            << file << codec;
+    }
+  Clip later = with_b_frames("libx264");  // one of another clock
+  later.tamper = [](int, AVPacket& packet) {
+    packet.pts += 3, packet.dts += 3;
+    return true;
+  };
+  const FieldPlay played = play_field(write("later.mkv", later));
+  EXPECT_NEAR(played.at_frames.front(), 3, 0.03);
+  EXPECT_THAT(played.warnings, IsEmpty());
+}
+
+// XviD's own stamps: its encoder waits for more pictures before the first B frames, and before longer runs of them.
+TEST_F(FieldFile, GapsOfAnEncoderThatWaitsAreTakenOut) {
+  for (const std::string file : {"a.mkv", "a.mp4", "a.avi"})
+    for (const double given : {0., 10.}) {
+      Clip clip = with_b_frames();
+      clip.tamper = [](int k, AVPacket& packet) {
+        packet.pts = packet.dts = k + (k >= 1 ? 2 : 0);
+        return true;
+      };
+      const FieldPlay played = play_field(write(file, clip), given);
+      EXPECT_THAT(played.shown, numbers_to(18)) << file;
+      EXPECT_NEAR(played.at_frames.front(), 0, 0.03) << file;
+      expect_even_times(played);
+      EXPECT_THAT(played.warnings, SizeIs(file == "a.avi" || given > 0 ? 0 : 1)) << file << given;
+    }
+}
+
 TEST_F(FieldFile, GreyFilmsAreKnown) {
   for (const bool is_grey : {true, false}) {
     const Clip clip{.codec = "ffv1", .format = is_grey ? AV_PIX_FMT_GRAY8 : AV_PIX_FMT_YUV422P};
@@ -535,6 +583,113 @@ TEST_F(FieldFile, JpegInTiffIsRead) {
     EXPECT_EQ(played.shown, numbers_to(3)) << type;
     EXPECT_THAT(played.warnings, IsEmpty());
   }
+}
+
+// ---- What picture files say of themselves
+
+// Before the last chunk of a PNG.
+std::string with_chunk(const std::string& png, const std::string& name, const std::string& data, bool is_sound) {
+  const auto big = [](std::size_t number) {
+    std::string text;
+    for (int shift = 24; shift >= 0; shift -= 8) text += char(number >> shift & 0xff);
+    return text;
+  };
+  std::uint32_t crc = ~0u;  // ISO 3309, as PNG has it
+  for (const char c : name + data) {
+    crc ^= static_cast<std::uint8_t>(c);
+    for (int bit = 0; bit < 8; ++bit) crc = crc >> 1 ^ (crc % 2 != 0 ? 0xEDB88320u : 0u);
+  }
+  const std::size_t end = png.rfind("IEND") - 4;
+  return png.substr(0, end) + big(data.size()) + name + data + big(is_sound ? ~crc : crc) + png.substr(end);
+}
+
+// The first directory of a TIFF, as EXIF data have it.
+std::string exif_with(char orientation) {
+  return std::string("II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0", 18) + orientation + std::string(7, '\0');
+}
+
+// In place of an entry that says where strips end, which a TIFF of one strip does not need.
+std::string tiff_with(std::string tiff, char orientation) {
+  const std::string rows_in_strip("\x16\x01\x03\0\x01\0\0\0", 8);
+  const std::size_t at = tiff.find(rows_in_strip);
+  if (at == std::string::npos) throw std::runtime_error("no TIFF as expected");
+  return tiff.replace(at, 10, std::string("\x12\x01\x03\0\x01\0\0\0", 8) + orientation + '\0');
+}
+
+std::string encoded(const cv::Mat& picture, const std::string& extension) {
+  std::vector<std::uint8_t> bytes;
+  const int how = extension == ".webp" ? cv::IMWRITE_WEBP_QUALITY : cv::IMWRITE_TIFF_COMPRESSION;
+  const int lossless = extension == ".webp" ? 101 : 1;
+  if (!cv::imencode(extension, picture, bytes, extension == ".png" ? std::vector<int>{} : std::vector{how, lossless}))
+    throw std::runtime_error("no " + extension);
+  return {bytes.begin(), bytes.end()};
+}
+
+std::string tagged(const cv::Mat& picture, const std::string& extension, char orientation) {
+  std::string bytes = encoded(picture, extension);
+  if (extension == ".tif") return tiff_with(bytes, orientation);
+  if (extension == ".png") return with_chunk(bytes, "eXIf", exif_with(orientation), true);
+  const std::string exif = exif_with(orientation);
+  bytes += std::string("EXIF") + char(exif.size()) + std::string(3, '\0') + exif;
+  const auto size = static_cast<std::uint32_t>(bytes.size() - 8);
+  std::memcpy(bytes.data() + 4, &size, sizeof(size));
+  return bytes;
+}
+
+TEST_F(FieldFile, PicturesOfEveryKindAreTurnedAsTheirTagSays) {
+  for (const int type : {CV_8UC3, CV_8UC1, CV_16UC3}) {
+    cv::Mat picture(32, 48, type, cv::Scalar::all(type == CV_16UC3 ? 20'000 : 90));
+    picture(cv::Rect(0, 0, 24, 16)) = cv::Scalar::all(type == CV_16UC3 ? 60'000 : 200);  // upper left
+    for (const std::string extension : {".png", ".webp", ".tif"}) {
+      if (extension == ".webp" && type != CV_8UC3) continue;
+      for (char orientation = 1; orientation <= 8; ++orientation) {
+        capture::write_text(folder / ("0" + extension), tagged(picture, extension, orientation));
+        const FieldPlay played = play_field(folder / ("%d" + extension), 10);
+        ASSERT_THAT(played.images, SizeIs(1)) << extension << int(orientation);
+        const capture::Image& image = played.images[0];
+        ASSERT_EQ(image.width, orientation < 5 ? 48 : 32) << extension << int(orientation);
+        const bool is_left = orientation == 1 || orientation == 4 || orientation == 5 || orientation == 8;
+        const bool is_upper = orientation == 1 || orientation == 2 || orientation == 5 || orientation == 6;
+        for (const bool left : {true, false})
+          for (const bool upper : {true, false}) {
+            const int u = image.width * (left ? 1 : 3) / 4, v = image.height * (upper ? 1 : 3) / 4;
+            const int level = image.format == capture::PixelFormat::bgr ? capture::bgr_at(image, u, v).g
+                                                                        : capture::yuv_at(image, u, v).y;
+            EXPECT_EQ(level > 140, left == is_left && upper == is_upper) << extension << type << int(orientation);
+          }
+        EXPECT_THAT(played.warnings, SizeIs(orientation == 1 ? 0 : 1)) << extension << type << int(orientation);
+      }
+    }
+  }
+}
+
+// After one that is turned, too.
+TEST_F(FieldFile, APictureWithoutATagIsNotTurned) {
+  cv::Mat picture(32, 48, CV_8UC1, cv::Scalar(capture::level_of_frame(3)));
+  picture(cv::Rect(0, 0, 4, 4)) = 255;
+  capture::write_text(folder / "0.png", tagged(picture, ".png", 3));
+  capture::write_text(folder / "1.png", encoded(picture, ".png"));
+  const FieldPlay played = play_field(folder / "%d.png", 10);
+  ASSERT_THAT(played.images, SizeIs(2));
+  EXPECT_EQ(capture::yuv_at(played.images[0], 47, 31).y, 255);
+  EXPECT_EQ(capture::yuv_at(played.images[1], 0, 0).y, 255);
+}
+
+TEST_F(FieldFile, DamagedTextsInAPngAreNoLostPicture) {
+  const std::string picture = encoded(cv::Mat(48, 64, CV_8UC3, cv::Scalar::all(capture::level_of_frame(0))), ".png");
+  const auto played_with = [&](const std::string& png) {
+    capture::write_text(folder / "0.png", png);
+    capture::write_text(folder / "1.png", picture);  // the first one must be whole
+    return play_field(folder / "%d.png", 10);
+  };
+  for (const std::string name : {"tEXt", "iCCP", "eXIf", "zTXt", "gAMA", "tRNS"}) {
+    const FieldPlay played = played_with(with_chunk(picture, name, "a text", false));
+    EXPECT_THAT(played.shown, ElementsAre(0, 0)) << name;
+    EXPECT_THAT(played.warnings, IsEmpty()) << name;
+  }
+  std::string damaged = picture;
+  damaged[picture.find("IDAT") + 9] ^= 1;
+  EXPECT_THAT(played_with(damaged).shown, ElementsAre(-1, 0));
 }
 
 // By numbers the last pictures would come first.

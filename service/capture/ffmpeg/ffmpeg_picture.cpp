@@ -189,15 +189,18 @@ void PictureMaker::set_stream(const AVStream& stream) {
   const AVRational shape =
       stream.sample_aspect_ratio.num > 0 ? stream.sample_aspect_ratio : stream.codecpar->sample_aspect_ratio;
   if (shape.num > 0 && shape.den > 0) layout_.pixel_aspect = av_q2d(shape);
+  stream_layout_ = layout_;
 }
 
-Image PictureMaker::upright(const Image& image, std::optional<Orientation> own) {
-  if (own && !own->is_upright()) {
-    layout_.orientation = *own;
-    layout_.turned_deg = std::atan2(own->row_by_column, own->column_by_column) * 180 / std::numbers::pi;
-    layout_.is_mirrored = own->column_by_column * own->row_by_row - own->row_by_column * own->column_by_row < 0;
-  }
-  return turned(image, own.value_or(layout_.orientation));
+void PictureMaker::tag(const PictureTags& tags) {
+  depth_.tag(tags.significant_bits);
+  const bool is_interlaced = layout_.is_interlaced;
+  layout_ = stream_layout_;
+  layout_.is_interlaced = is_interlaced;
+  if (!tags.orientation) return;
+  const Orientation& own = layout_.orientation = *tags.orientation;
+  layout_.turned_deg = std::atan2(own.row_by_column, own.column_by_column) * 180 / std::numbers::pi;
+  layout_.is_mirrored = own.column_by_column * own.row_by_row - own.row_by_column * own.column_by_row < 0;
 }
 
 std::vector<std::string> PictureMaker::take_notes() {

@@ -8,6 +8,7 @@
 
 #include "capture/ffmpeg/ffmpeg_objects.h"
 #include "capture/frames/picture_layout.h"
+#include "capture/frames/picture_tags.h"
 #include "capture/frames/pixel_format.h"
 #include "capture/frames/sample_depth.h"
 
@@ -25,7 +26,7 @@ class PictureMaker {
  public:
   // nullopt: damaged, or FFmpeg cannot convert it. A picture coded with another matrix than BT.601 becomes BGR; one in
   // another pixel format becomes the nearest of ours.
-  // Turned as its tag or the stream's says; of an interlaced one the first field, in full size.
+  // Turned as the tags say; of an interlaced one the first field, in full size.
   std::optional<Image> image_of(FramePtr frame, AVCodecID codec);
 
   void set_stream(const AVStream& stream);  // its tags
@@ -35,8 +36,10 @@ class PictureMaker {
   const SampleDepth& depth() const { return depth_; }
   // Of the last picture, if it is tagged as interlaced and stayed whole.
   std::optional<FirstField> tagged_field() const { return tagged_field_; }
-  // For pictures that FFmpeg did not decode: turned as their own tag (nullopt: none) or the stream's says.
-  Image upright(const Image& image, std::optional<Orientation> own = {});
+  // Of the next picture, where it is a file by itself: its own orientation counts before the stream's.
+  void tag(const PictureTags& tags);
+  // For pictures that FFmpeg did not decode: turned as the tags say.
+  Image upright(const Image& image) const { return turned(image, layout_.orientation); }
 
   bool turns() const { return !layout_.orientation.is_upright(); }  // as the tags so far say
 
@@ -45,7 +48,8 @@ class PictureMaker {
 
  private:
   ScalerPtr scaler_;
-  PictureLayout layout_;
+  PictureLayout layout_;         // of the last picture; is_interlaced: of any
+  PictureLayout stream_layout_;  // where a picture says nothing
   bool keeps_fields_ = false, fields_are_stated_ = false;
   SampleDepth depth_;
   std::optional<FirstField> tagged_field_;

@@ -94,6 +94,31 @@ void remove_messages(AVPacket& packet, AVCodecID codec, int length_bytes) {
   av_shrink_packet(&packet, static_cast<int>(kept + all.size() - at));
 }
 
+// Chunks of a PNG that no decoder needs for the pixels: their names begin with a small letter. Of transparency (tRNS)
+// we use nothing.
+void remove_ancillary_chunks(AVPacket& packet) {
+  constexpr std::size_t signature = 8, beside_data = 12;  // bytes; of a chunk: its length, name and checksum
+  const std::size_t size = static_cast<std::size_t>(packet.size);
+  if (size <= signature || av_packet_make_writable(&packet) < 0) return;
+  std::size_t kept = signature;
+  for (std::size_t at = signature; at < size;) {
+    std::size_t chunk = size - at;  // the last one may be cut off
+    if (chunk >= beside_data) {
+      const std::uint8_t* length = packet.data + at;
+      chunk = std::min(chunk, beside_data + (std::size_t{length[0]} << 24 | std::size_t{length[1]} << 16 |
+                                             std::size_t{length[2]} << 8 | std::size_t{length[3]}));
+      constexpr std::uint8_t small = 0x20;
+      if ((length[4] & small) != 0) {
+        at += chunk;
+        continue;
+      }
+    }
+    std::memmove(packet.data + kept, packet.data + at, chunk);
+    kept += chunk, at += chunk;
+  }
+  av_shrink_packet(&packet, static_cast<int>(kept));
+}
+
 // By the configuration record (avcC, hvcC) that such streams have.
 int length_bytes_of(const AVCodecParameters& parameters) {
   const std::span<const std::uint8_t> record(parameters.extradata, static_cast<std::size_t>(parameters.extradata_size));
@@ -145,6 +170,7 @@ int StreamDecoder::open_unpacker(const AVStream& stream) {
 
 bool StreamDecoder::examine(AVPacket& packet) {
   const AVCodecID codec = codec_->codec_id;
+  if (codec == AV_CODEC_ID_PNG) remove_ancillary_chunks(packet);
   if (unpacker_ && packet.size > 0 && av_bsf_send_packet(unpacker_.get(), &packet) == 0)
     return av_bsf_receive_packet(unpacker_.get(), &packet) == 0;
   if (packet.size == 0 || (codec != AV_CODEC_ID_H264 && codec != AV_CODEC_ID_HEVC)) return true;

@@ -28,8 +28,8 @@ class StreamDecoder {
 
   // Before send(). Removes supplemental messages that are damaged, which some cameras write into every picture, or that
   // nothing needs: the decoder's errors are then those of the picture. Of MPEG-4, pictures that older encoders packed
-  // together get packets of their own. False: the packet only adds the second field to the picture that the packet
-  // before began.
+  // together get packets of their own; of a PNG, texts and other chunks beside its pixels are removed. False: the
+  // packet only adds the second field to the picture that the packet before began.
   bool examine(AVPacket& packet);
 
   int send(const AVPacket* packet) { return avcodec_send_packet(codec_.get(), packet); }  // nullptr: the end

@@ -3,7 +3,6 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
-#include <cstring>
 
 #include "capture/frames/image_copy.h"
 
@@ -145,33 +144,6 @@ std::optional<Orientation> orientation_of_tag(unsigned tag) {
                                                     {0, -1, -1, 0},
                                                     {0, -1, 1, 0}}};
   return tag >= 1 && tag <= tags.size() ? std::optional(tags[tag - 1]) : std::nullopt;
-}
-
-std::optional<Orientation> exif_orientation(std::span<const std::uint8_t> jpeg) {
-  const auto big = [&](std::size_t at) { return (jpeg[at] << 8) | jpeg[at + 1]; };
-  std::size_t at = 2;
-  std::span<const std::uint8_t> exif;
-  while (exif.empty() && at + 4 <= jpeg.size() && jpeg[at] == 0xFF && jpeg[at + 1] >= 0xC0 && jpeg[at + 1] != 0xDA) {
-    const auto size = static_cast<std::size_t>(big(at + 2));
-    if (size < 2 || at + 2 + size > jpeg.size()) return std::nullopt;
-    if (jpeg[at + 1] == 0xE1 && size >= 16 && std::memcmp(&jpeg[at + 4], "Exif\0\0", 6) == 0)
-      exif = jpeg.subspan(at + 10, size - 8);
-    at += 2 + size;
-  }
-  if (exif.size() < 10) return std::nullopt;
-  const bool is_little = exif[0] == 'I';
-  const auto number = [&](std::size_t from, std::size_t bytes) {
-    std::size_t value = 0;
-    for (std::size_t i = 0; i < bytes; ++i) value = value << 8 | exif[from + (is_little ? bytes - 1 - i : i)];
-    return value;
-  };
-  constexpr std::size_t orientation_tag = 0x0112, entry_bytes = 12;
-  const std::size_t directory = number(4, 4);
-  if (directory + 2 > exif.size()) return std::nullopt;
-  for (std::size_t i = 0, n = number(directory, 2), entry = directory + 2; i < n && entry + entry_bytes <= exif.size();
-       ++i, entry += entry_bytes)
-    if (number(entry, 2) == orientation_tag) return orientation_of_tag(static_cast<unsigned>(number(entry + 8, 2)));
-  return std::nullopt;
 }
 
 }  // namespace huetrack::capture

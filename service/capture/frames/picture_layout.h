@@ -4,7 +4,6 @@
 
 #include <cstdint>
 #include <optional>
-#include <span>
 #include <string>
 #include <vector>
 
@@ -43,8 +42,6 @@ enum class FirstField : std::uint8_t { top, bottom };  // of an interlaced pictu
 // rows are of one moment, and stay where they were.
 Image first_field(const Image& image, FirstField first);
 
-// The orientation tag in a JPEG's EXIF data (cameras and phones write it); nullopt: none.
-std::optional<Orientation> exif_orientation(std::span<const std::uint8_t> jpeg);
 // 1 to 8, as EXIF and TIFF number them.
 std::optional<Orientation> orientation_of_tag(unsigned tag);
 

@@ -1,8 +1,6 @@
 #include "capture/frames/sample_depth.h"
 
 #include <algorithm>
-#include <cstring>
-#include <string_view>
 
 namespace huetrack::capture {
 namespace {
@@ -46,19 +44,6 @@ void SampleDepth::fit(std::span<const SampleRows> planes) {
       const int sample = std::min((high << 8 | low) << *shift_, all);
       low = static_cast<std::uint8_t>(sample & 0xff), high = static_cast<std::uint8_t>(sample >> 8);
     });
-}
-
-int png_significant_bits(std::span<const std::uint8_t> png) {
-  constexpr std::size_t signature = 8, before_data = 8, checksum = 4;
-  for (std::size_t at = signature; at + before_data < png.size();) {
-    const std::size_t size = std::size_t{png[at]} << 24 | std::size_t{png[at + 1]} << 16 |
-                             std::size_t{png[at + 2]} << 8 | std::size_t{png[at + 3]};
-    const std::string_view kind(reinterpret_cast<const char*>(&png[at + 4]), 4);
-    if (kind == "IDAT" || size > png.size() - at - before_data) return 0;
-    if (kind == "sBIT" && size > 0) return *std::max_element(&png[at + before_data], &png[at + before_data] + size);
-    at += before_data + size + checksum;
-  }
-  return 0;
 }
 
 }  // namespace huetrack::capture

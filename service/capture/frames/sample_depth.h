@@ -36,7 +36,4 @@ class SampleDepth {
   std::optional<int> unexplained_largest_;
 };
 
-// The camera's bits a sample, as the sBIT chunk of a PNG tags them; 0: it does not.
-int png_significant_bits(std::span<const std::uint8_t> png);
-
 }  // namespace huetrack::capture
