@@ -49,6 +49,10 @@ TEST(ObjectReport, WarnsOfATargetWhoseSigmaExceedsItsRadius) {
   EXPECT_THAT(report.warnings(), testing::ElementsAre(AllOf(HasSubstr("lime: its sigma was above its radius"),
                                                             HasSubstr("from OpenCV"), HasSubstr("write [66, 114]"))));
   EXPECT_THAT(report.summary(), testing::IsEmpty());
+  see(120, 0.005);  // what was long ago does not count
+  EXPECT_THAT(report.warnings(), testing::IsEmpty());
+  see(120, 0.2);
+  EXPECT_THAT(report.warnings(), testing::SizeIs(1));
   config.targets[0].color.hue_min_deg = 66, config.targets[0].color.hue_max_deg = 114;
   report.on_config(config);
   EXPECT_THAT(report.warnings(), testing::IsEmpty());
