@@ -164,8 +164,12 @@ void ObjectReport::check_certainty(const pipeline::TrackedSet& set) {
     Target& target = targets_[estimate.target];
     const object_tracking::TargetOptions& options = options_[estimate.target];
     target.tracked.add(estimate);
-    if (target.tracked.tracked() < window) continue;
-    std::string advice = unsure_advice(double(target.tracked.unsure()) / double(window), options);
+    // Views that contradict one another widen the sigma, too.
+    const bool is_explained =
+        estimate.target < set.mistakes.size() &&
+        std::ranges::any_of(set.mistakes[estimate.target], view_watch::is_of_rig, &view_watch::Mistake::kind);
+    if (target.tracked.tracked() < window && !is_explained) continue;
+    std::string advice = is_explained ? "" : unsure_advice(double(target.tracked.unsure()) / double(window), options);
     target.is_unsure.set(advice.empty() ? advice : options.name + ": " + advice, "");
     target.tracked = {options.radius_m, cameras_.size()};
   }
