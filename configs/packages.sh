@@ -50,14 +50,14 @@ install_missing() {
 }
 
 # build_huetrack FOLDER "CMAKE OPTIONS" TARGETS...: configures and builds with Ninja; prints the time that it took. In a new
-# folder a module's files are compiled together, which halves the time, and GCC may have half a gigabyte before it looks for
-# what it can free, which saves a sixteenth. For development, configure first (cmake --preset release): then only changed
+# folder a module's files are compiled together, which halves the time, and GCC may have a gigabyte before it looks for what
+# it can free, which saves a sixteenth. For development, configure first (cmake --preset release): then only changed
 # files are compiled again.
 build_huetrack() {
   local folder="$1" options="$2" root start=$SECONDS
   shift 2
   [ -e "$folder/CMakeCache.txt" ] ||
-    options="$options -DCMAKE_UNITY_BUILD=ON -DCMAKE_CXX_FLAGS=--param=ggc-min-heapsize=524288"
+    options="$options -DCMAKE_UNITY_BUILD=ON -DCMAKE_CXX_FLAGS=--param=ggc-min-heapsize=1048576"
   root="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
   echo "== building in $folder"
   # shellcheck disable=SC2086

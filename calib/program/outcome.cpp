@@ -53,12 +53,17 @@ ExitStatus status_of(report::Verdict verdict) {
   return ExitStatus::failed;
 }
 
+report::Reader reader() {
+  return gather::ProgressLine::is_machine_readable() ? report::Reader::page : report::Reader::terminal;
+}
+
 report::ReportInput report_input(const gather::FoundBoards& found, const std::vector<std::string>& inputs) {
   report::ReportInput input;
   for (const gather::PictureTally& camera : found.cameras)
     input.cameras.push_back({camera.pictures, camera.boards, camera.motion_blurred()});
   input.warnings = found.warnings;
   input.board_doubt = found.board_doubt;
+  input.reader = reader();
   input.made_of.emplace_back("tool", "huetrack-calibrate " HUETRACK_VERSION);
   if (!inputs.empty()) input.made_of.emplace_back("inputs", fmt::to_string(fmt::join(inputs, " ")));
   std::string sets = std::to_string(found.set_at_s.size()) + " moments used, " + std::to_string(found.sets_looked_at) +

@@ -15,6 +15,8 @@ namespace huetrack::program {
 
 ExitStatus status_of(report::Verdict verdict);
 
+report::Reader reader();  // of this program's report
+
 // Input of the report.
 report::ReportInput report_input(const gather::FoundBoards& found, const std::vector<std::string>& inputs);
 

@@ -199,9 +199,7 @@ ExitStatus calibrate_and_write(const WavedOptions& o, const WavedInput& in, wave
   options.progress = progress.progress();
   wave::WaveResult result = wave::calibrate_wave(in.rig, std::move(frames), options);
   progress.clear();
-  const bool is_asked_by_page = gather::ProgressLine::is_machine_readable();
-  const report::WaveReport report =
-      report::report_on(result, is_asked_by_page ? report::Reader::page : report::Reader::terminal);
+  const report::WaveReport report = report::report_on(result, reader());
   std::fputs(report::to_text(report, result).c_str(), stdout);
   send_verdict(report.verdict, report::summary(report, result));
   if (!o.report.empty()) write_document(report::document_of(report, result), o.report);

@@ -88,6 +88,10 @@ class Judge {
   }
 
  private:
+  const std::string all_over_its_image = "show the board all over its image";
+  // Of an advice: what names options of the command.
+  std::string command(const char* clause) const { return evidence_.reader == Reader::terminal ? clause : ""; }
+
   void add(Verdict verdict, std::string name, std::string finding, std::string advice) {
     report_.checks.push_back(
         {verdict, std::move(name), std::move(finding), verdict == Verdict::usable ? std::string() : std::move(advice)});
@@ -104,8 +108,8 @@ class Judge {
     add(pattern ? Verdict::doubtful : Verdict::usable, "residual pattern of " + camera.name,
         fmt::format("{}: {:.2f} px of the residuals are the same in every view of a part of the image", camera.name,
                     camera.pattern_px),
-        "the lens model does not fit this lens: try --lens with a richer model; a board that is not flat has the same "
-        "effect");
+        "the lens model does not fit this lens" + command(": try --lens with a richer model") +
+            "; a board that is not flat has the same effect");
     int dropped = 0;
     for (const DroppedView& view : report_.dropped) {
       dropped += report_.cameras[static_cast<std::size_t>(view.camera)].name == camera.name ? 1 : 0;
@@ -132,8 +136,8 @@ class Judge {
     add(edge_left_out.judge(share), "corners left out of " + camera.name,
         fmt::format("{}: {} of {} corners do not fit and were left out, {} of them among the {} at the image's edge",
                     camera.name, camera.corners_left_out, all, camera.left_out_at_edge, at_edge),
-        "the lens model does not fit at the image's edge: omit --lens, so that a better one is chosen; or the board is "
-        "not flat");
+        "the lens model does not fit at the image's edge" + command(": omit --lens, so that a better one is chosen") +
+            "; or the board is not flat");
   }
 
   void sharpness(const CameraReport& camera) {
@@ -218,9 +222,8 @@ class Judge {
             fmt::format("{}: the given lens was replaced by one from these views, which cover {:.0f} % of its "
                         "image",
                         name, 100 * covered),
-            "calibrate the lens alone (intrinsics), with the board all over its image; --refine-lens no keeps the "
-            "given "
-            "one");
+            command("calibrate the lens alone (intrinsics): ") + all_over_its_image +
+                command("; --refine-lens no keeps the given one"));
       }
       if (c < result.given_lens_checks.size() && result.given_lens_checks[c]) {
         const solver::GivenLensCheck& lens = *result.given_lens_checks[c];
@@ -231,9 +234,8 @@ class Judge {
             fmt::format("{}: the given lens is kept; these views differ from it by {:.2f} px (+- {:.2f}) where boards "
                         "were",
                         name, lens.off_px, lens.sigma_px),
-            "omit --refine-lens, so that it is refined; or calibrate it alone (intrinsics), with the board all over "
-            "its "
-            "image");
+            command("omit --refine-lens, so that it is refined; or calibrate it alone (intrinsics): ") +
+                all_over_its_image);
       }
       if (result.kept_against[c] && result.refinement != solver::LensRefinement::given_refined) {
         add(Verdict::usable, "given lens of " + name,
@@ -288,12 +290,12 @@ class Judge {
     add(aspect.judge(std::abs(ratio - 1)), "aspect ratio of " + camera.name,
         fmt::format("{}: fx / fy = {:.4f}", camera.name, ratio),
         "pixels of today's cameras are square: is the video squeezed, or are the board's squares not square (then give "
-        "pitch: [x, y] in the board file)? Otherwise these views do not determine the lens: calibrate it alone "
-        "(intrinsics), all over its image, and give it with --intrinsics");
+        "pitch: [x, y] in the board file)? Otherwise these views do not determine the lens: " +
+            command("calibrate it alone (intrinsics), and give it with --intrinsics: ") + all_over_its_image);
     add(covers ? Verdict::usable : Verdict::doubtful, "reach of the lens model of " + camera.name,
         covers ? camera.name + ": valid out to the image's corners"
                : camera.name + ": folds back before the image's corners",
-        "show the board in the corners of the image; or choose another model with --lens");
+        "show the board in the corners of the image" + command("; or choose another model with --lens"));
   }
 
   void views(const CameraReport& camera) {

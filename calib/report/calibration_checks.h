@@ -16,6 +16,7 @@ struct Evidence {
   std::vector<bool> covers_image;     // per camera: its lens model reaches the image's corners
   std::vector<std::string> warnings;  // damaged files
   std::string board_doubt;            // empty: none
+  Reader reader = Reader::terminal;
   const solver::Extrinsics* extrinsics = nullptr;  // nullptr: a lens alone
 };
 

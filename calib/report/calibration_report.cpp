@@ -214,6 +214,7 @@ CalibrationReport base_report(const solver::Adjustment& a, const ReportInput& in
   report.sets = static_cast<int>(sets.size());
   evidence.warnings = input.warnings;
   evidence.board_doubt = input.board_doubt;
+  evidence.reader = input.reader;
   report.left_out = input.left_out;
   add_views(report, a);
   return report;

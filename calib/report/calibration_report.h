@@ -17,6 +17,9 @@
 
 namespace huetrack::report {
 
+// Reads the report: a user at a terminal, or of the page, where options of a command mean nothing.
+enum class Reader : std::uint8_t { terminal, page };
+
 enum class Verdict : std::uint8_t { usable, doubtful, failed };
 std::string_view name(Verdict verdict);  // "usable", "doubtful", "failed"
 
@@ -119,6 +122,7 @@ struct ReportInput {
   std::vector<CameraLeftOut> left_out{};   // cameras without a result
   std::optional<solver::WorldBox> volume;  // nullopt: the volume of the board's places
   std::vector<std::pair<std::string, std::string>> made_of;
+  Reader reader = Reader::terminal;
 };
 
 CalibrationReport report_on(const solver::Intrinsics& result, const ReportInput& input);

@@ -1,7 +1,6 @@
 // Report on `huetrack-calibrate wave`.
 #pragma once
 
-#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -18,8 +17,6 @@ struct WaveReport {
   std::string scale_from;  // "the distance between cam0 and cam1, 4.020 m"
 };
 
-// Reads the report: a user at a terminal, or of the page, where options of a command mean nothing.
-enum class Reader : std::uint8_t { terminal, page };
 WaveReport report_on(const wave::WaveResult& result, Reader reader = Reader::terminal);
 
 std::string to_text(const WaveReport& report, const wave::WaveResult& result);

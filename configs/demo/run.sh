@@ -13,7 +13,7 @@ recording=configs/demo/recording
 install_missing $packages_demo
 mkdir -p build
 # Without parts that it does not run: tests, calibration, page, camera tracker.
-build_huetrack "$build" "-DCMAKE_BUILD_TYPE=Release -DHUETRACK_TESTS=OFF -DHUETRACK_CALIBRATE=OFF -DHUETRACK_PAGE=OFF
+build_huetrack "$build" "-DCMAKE_BUILD_TYPE=Release -DHUETRACK_TESTS=OFF -DHUETRACK_WERROR=OFF -DHUETRACK_CALIBRATE=OFF -DHUETRACK_PAGE=OFF
   -DHUETRACK_CAMERA_TRACKER=OFF" huetrackd huetrack
 huetrackd=$build/service/daemon/huetrackd
 huetrack=$build/clients/huetrack/huetrack

@@ -392,10 +392,6 @@ struct V4l2Source::Impl {
     const double fps = done.stream.fps;
     if (options.fps > 0 && fps > 0 && std::abs(fps - options.fps) > 0.02 * options.fps)
       note(true, "was asked for " + fps_text(options.fps) + " frames/s and says that it does " + fps_text(fps));
-    if (done.stream.is_interlaced)
-      note(true,
-           "delivers interlaced frames: moving objects look like combs: use a progressive mode, or set fields: top or "
-           "bottom (the service says which when something moves)");
   }
 
   void finish_restart(Work done) {

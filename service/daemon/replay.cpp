@@ -274,15 +274,14 @@ std::string turned_text(const recordings::ReplaySource& source) {
 
 // Times that may be counted, not measured; empty: none.
 std::string even_times_text(const recordings::ReplaySource& source) {
-  std::vector<std::string> names;
-  double hz = 0;
+  std::vector<std::string> rates;
   for (const auto& camera : source.cameras())
-    if (camera.even_hz > 0) names.push_back(camera.name), hz = camera.even_hz;
-  if (names.empty() || source.cameras().size() < 2) return {};
+    if (camera.even_hz > 0) rates.push_back(fmt::format("{} {:.4g}", camera.name, camera.even_hz));
+  if (rates.empty() || source.cameras().size() < 2) return {};
   return fmt::format(
-      "{}: even times, {:.4g} frames a second, as programs count them: if a camera dropped a frame that its file does "
-      "not count, all its later times are {:.0f} ms too early, and latencies are of a part of the film",
-      fmt::join(names, ", "), hz, 1e3 / hz);
+      "even times, as programs count them, frames a second: {}: if a camera dropped a frame that its file does not "
+      "count, all its later times are a frame too early, and latencies are of a part of the film",
+      fmt::join(rates, ", "));
 }
 
 // Cameras that see no target because their pictures have no colour. Empty: none; the tracked camera needs none.

@@ -48,6 +48,7 @@ Examined begin(const ExamRequest& request) {
   CameraExam& exam = examined.exam;
   exam.node = request.node;
   exam.name = request.name;
+  exam.has_fields = request.has_fields;
   exam.problem = request.node.problem;
   if (!exam.problem.empty()) return examined;
   try {

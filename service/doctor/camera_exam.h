@@ -33,8 +33,9 @@ struct StreamTrial {
 
 struct CameraExam {
   capture::V4l2Node node;
-  std::string name;      // in the configuration; empty: none
-  double asked_fps = 0;  // by the configuration or for the trial; 0: the driver's choice
+  std::string name;         // in the configuration; empty: none
+  bool has_fields = false;  // there: the field to play
+  double asked_fps = 0;     // by the configuration or for the trial; 0: the driver's choice
   std::vector<capture::OfferedFormat> formats;
   std::vector<capture::Control> controls;          // as found
   std::vector<capture::ControlResult> configured;  // after set_controls() as `run` does it
@@ -47,6 +48,7 @@ struct CameraExam {
 struct ExamRequest {
   capture::V4l2Node node;
   std::string name;
+  bool has_fields = false;
   std::optional<capture::StreamRequest> stream;  // nullopt: suitable_stream()
   std::vector<capture::ControlSetting> controls;
   bool streams = true;

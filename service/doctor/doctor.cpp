@@ -137,7 +137,7 @@ void judge_stream(const CameraExam& exam, std::vector<Finding>& findings) {
     findings.push_back({Grade::note, stamp, "they are late by exposure and transfer: set latency_offset_s"});
   else
     findings.push_back({Grade::ok, stamp, ""});
-  if (agreed.is_interlaced)
+  if (agreed.is_interlaced && !exam.has_fields)
     findings.push_back({Grade::warning, "interlaced frames: moving objects look like combs",
                         "use a progressive mode, or set fields: top or bottom"});
 }
@@ -386,6 +386,7 @@ class Doctor {
       requests.push_back(
           {.node = *found,
            .name = camera.name,
+           .has_fields = camera.fields.has_value(),
            .stream =
                capture::StreamRequest{
                    .format = camera.format, .width = size.width, .height = size.height, .fps = camera.fps.value_or(0)},

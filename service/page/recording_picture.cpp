@@ -10,8 +10,8 @@
 namespace huetrack::page {
 namespace {
 
-constexpr int picture_width = 160;  // twice that of the page's list, for dense screens
-constexpr int picture_quality = 75;
+constexpr int list_picture_width = 160;  // twice that of the page's list, for dense screens
+constexpr int list_picture_quality = 75;
 constexpr int most_frames = 30;  // about a second: a camera that has no picture by then has none worth waiting for
 
 }  // namespace
@@ -27,8 +27,8 @@ std::vector<std::uint8_t> recording_picture(const std::filesystem::path& folder)
       if (!frame) break;
       if (frame->status != capture::FrameStatus::ok || !capture::take_picture(*frame, capture::picture_of(*frame)))
         continue;
-      return capture::encode_picture(frame->pixels, capture::picture_size(frame->pixels, picture_width),
-                                     picture_quality);
+      return capture::encode_picture(frame->pixels, capture::picture_size(frame->pixels, list_picture_width),
+                                     list_picture_quality);
     }
   }
   throw std::runtime_error("this recording has no picture");

@@ -158,15 +158,20 @@ void ObjectReport::check_other_colors(const pipeline::TrackedSet& set) {
 }
 
 void ObjectReport::check_certainty(const pipeline::TrackedSet& set) {
-  constexpr std::uint64_t fewest = 60;  // tracked sets: two seconds; a track begins with a wide sigma
+  constexpr std::uint64_t window = 60;  // tracked sets: two seconds; a track begins with a wide sigma
   const std::scoped_lock lock(mutex_);
-  for (const auto& estimate : set.estimates) targets_[estimate.target].tracked.add(estimate);
-  if (sets_ % check_sets != 0) return;
-  for (std::size_t t = 0; t < targets_.size(); ++t) {
-    const TrackedSets& sets = targets_[t].tracked;
-    if (sets.tracked() < fewest) continue;
-    std::string advice = unsure_advice(double(sets.unsure()) / double(sets.tracked()), options_[t]);
-    targets_[t].is_unsure.set(advice.empty() ? advice : options_[t].name + ": " + advice, "");
+  for (const auto& estimate : set.estimates) {
+    Target& target = targets_[estimate.target];
+    const object_tracking::TargetOptions& options = options_[estimate.target];
+    target.tracked.add(estimate);
+    // Views that contradict one another widen the sigma, too.
+    const bool is_explained =
+        estimate.target < set.mistakes.size() &&
+        std::ranges::any_of(set.mistakes[estimate.target], view_watch::is_of_rig, &view_watch::Mistake::kind);
+    if (target.tracked.tracked() < window && !is_explained) continue;
+    std::string advice = is_explained ? "" : unsure_advice(double(target.tracked.unsure()) / double(window), options);
+    target.is_unsure.set(advice.empty() ? advice : options.name + ": " + advice, "");
+    target.tracked = {options.radius_m, cameras_.size()};
   }
 }
 

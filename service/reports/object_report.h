@@ -40,7 +40,7 @@ class ObjectReport final : public pipeline::Output {
     std::map<std::uint32_t, Object> objects = {};  // alive, by number
     std::vector<Finding> clutter = {};             // per camera of the rig
     Finding extra_object = {};
-    TrackedSets tracked;  // since the start, or since the target was changed
+    TrackedSets tracked;  // of the window that goes on; a changed target begins one
     Finding is_unsure = {};
     std::vector<std::uint64_t> frames_of_others = {};  // per camera: frames without this colour, at the last check
     std::vector<int> bad_checks = {};                  // per camera: consecutive checks with mostly such frames

@@ -103,6 +103,10 @@ TEST(JudgeCamera, DropsDamageAndStampsAreSaid) {
   EXPECT_THAT(judge_camera(poor, true), says(Grade::note, "time stamps: end of frame"));
   poor.trial->mean_age_s = -0.02;
   EXPECT_THAT(judge_camera(poor, true), says(Grade::warning, "they are in the future"));
+  poor.trial->agreed.is_interlaced = true;
+  EXPECT_THAT(judge_camera(poor, true), says(Grade::warning, "interlaced frames"));
+  poor.has_fields = true;
+  EXPECT_THAT(judge_camera(poor, true), testing::Not(says(Grade::warning, "interlaced frames")));
   poor.trial->frames = 0;
   poor.trial->failure = "no frame came";
   findings = judge_camera(poor, true);

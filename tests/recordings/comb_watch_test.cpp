@@ -41,7 +41,7 @@ TEST(CombWatch, IsAskedOfEveryRecording) {
     }
     return source.mistakes();
   };
-  EXPECT_THAT(mistakes(), testing::ElementsAre(HasSubstr("is interlaced, but does not say so")));
+  EXPECT_THAT(mistakes(), testing::ElementsAre(HasSubstr("is interlaced: every picture holds two moments")));
   recording.cameras[0].first_field = capture::FirstField::top;
   EXPECT_THAT(mistakes(), testing::IsEmpty());
 }

@@ -128,8 +128,13 @@ TEST(CalibrationReport, NamesAspectOverlapAndBoardsSeenFromBehind) {
       for (auto& px : view.px) px.x() *= 0.96;
   }
   std::erase_if(squeezed.views, [](const solver::BoardView& view) { return view.camera == 1 && view.set % 2 == 1; });
-  const CalibrationReport report = report_on(calibrated(squeezed), {});
+  const solver::Extrinsics found = calibrated(squeezed);
+  const CalibrationReport report = report_on(found, {});
   EXPECT_THAT(report.checks, speaks_against(Verdict::doubtful, "aspect ratio of cam1"));
+  EXPECT_THAT(to_text(report), HasSubstr("--intrinsics"));
+  ReportInput of_page;
+  of_page.reader = Reader::page;
+  EXPECT_THAT(to_text(report_on(found, of_page)), AllOf(HasSubstr("pitch: [x, y]"), Not(HasSubstr("--"))));
   EXPECT_THAT(report.checks, speaks_against(Verdict::doubtful, "overlap of cam0 and cam1"));
   // The lens by itself is then not known better than its pixels are square; seven views leave part of the 4 % to the
   // prior of square pixels.

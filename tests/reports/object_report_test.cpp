@@ -28,7 +28,8 @@ TEST(ObjectReport, WarnsOfATargetWhoseSigmaExceedsItsRadius) {
   config.targets = {scene::lime()};
   config.targets[0].color.hue_min_deg = 33, config.targets[0].color.hue_max_deg = 57;
   ObjectReport report(config);
-  const auto see = [&](int sets, double sigma_m) {
+  const auto see = [&](int sets, double sigma_m, std::vector<view_watch::Mistake> of_target = {}) {
+    const std::vector<std::vector<view_watch::Mistake>> mistakes{std::move(of_target)};
     object_tracking::ObjectEstimate estimate;
     estimate.state = object_tracking::TrackState::tracking;
     estimate.covariance = sigma_m * sigma_m * Eigen::Matrix3d::Identity();
@@ -40,7 +41,7 @@ TEST(ObjectReport, WarnsOfATargetWhoseSigmaExceedsItsRadius) {
                      .received_at = {},
                      .trackers = {},
                      .calibration = {},
-                     .mistakes = {}});
+                     .mistakes = mistakes});
     }
   };
   see(150, 0.005);
@@ -49,6 +50,16 @@ TEST(ObjectReport, WarnsOfATargetWhoseSigmaExceedsItsRadius) {
   EXPECT_THAT(report.warnings(), testing::ElementsAre(AllOf(HasSubstr("lime: its sigma was above its radius"),
                                                             HasSubstr("from OpenCV"), HasSubstr("write [66, 114]"))));
   EXPECT_THAT(report.summary(), testing::IsEmpty());
+  see(120, 0.005);  // what was long ago does not count
+  EXPECT_THAT(report.warnings(), testing::IsEmpty());
+  see(120, 0.2);
+  EXPECT_THAT(report.warnings(), testing::SizeIs(1));
+  see(1, 0.2, {{.kind = view_watch::MistakeKind::radius}});
+  EXPECT_THAT(report.warnings(), testing::SizeIs(1));
+  see(1, 0.2, {{.kind = view_watch::MistakeKind::late}});  // explains the sigma
+  EXPECT_THAT(report.warnings(), testing::IsEmpty());
+  see(120, 0.2);
+  EXPECT_THAT(report.warnings(), testing::SizeIs(1));
   config.targets[0].color.hue_min_deg = 66, config.targets[0].color.hue_max_deg = 114;
   report.on_config(config);
   EXPECT_THAT(report.warnings(), testing::IsEmpty());

@@ -110,7 +110,7 @@ std::optional<std::string> CombWatch::take_problem() {
       "wrong where the target moves: record 4:2:2, or with the interlaced flag (ffmpeg: -flags +ildct+ilme)";
   const std::string first = evidence_.is_top_first() ? "top" : "bottom", second = first == "top" ? "bottom" : "top";
   if (!stated_)
-    return "is interlaced, but does not say so: every picture holds two moments, and positions are wrong where "
+    return "is interlaced: every picture holds two moments, and positions are wrong where "
            "the target moves: use a progressive mode of the camera, or add fields: " +
            first + " (or " + second + ", if that field was taken first) to play the first field of every picture" +
            (has_mixed_colors() ? "; " + mixed : std::string());
