@@ -31,7 +31,6 @@ constexpr OutlineErrorTuning outline_error{};
 
 struct OutlineSighterTuning {
   double known_log_size = 0.02;     // 1 sigma of the log of the outline's radius over the target's, once it is learnt
-  double size_memory = 300;         // frames in the size's mean: 10 s at 30 fps
   double min_sizes = 30;            // frames from which the size counts as known
   double size_visible_share = 0.8;  // of the outline that must be visible to learn a size from it
   double same_light_m = 1.5;        // m, decay length of the shading: lamps and windows are some metres away
@@ -131,6 +130,7 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionState& state, c
 
   const double radius_px = expected.at.radius_px;
   Sighting sharp = sighting;
+  sharp.missing = std::min(sighting.missing, 1 - fit.visible);
   sharp.px = fit.centre - (ball->ellipse.centre - ball->centre_px);
   const double moved_px = (sharp.px - of.px).norm();
   of.still = std::exp(-moved_px / sighting_tuning.same_place_px);
@@ -173,7 +173,7 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionState& state, c
                                          (1 - of.still) * new_px2 / (radius_px * radius_px)),
                   .log_bias = std::hypot(lasting, sighting.narrowed, further_in_px / radius_px)};
   } else if (is_size_measured) {
-    of.log_size_weight = std::min(outline_sighter.size_memory, of.log_size_weight + 1);
+    of.log_size_weight = std::min(sighting_tuning.size_memory, of.log_size_weight + 1);
     of.log_size += off_size / of.log_size_weight;
     of.size_variance += (lasting * lasting - of.size_variance) / of.log_size_weight;
   }

@@ -20,7 +20,6 @@ struct RegionErrorTuning {
 constexpr RegionErrorTuning region_error{};
 
 struct RayCrossingTuning {
-  double gate_nis = 11.8;        // chi-square, 2 dof, 99.7 %: wrong views are not to be the beginning of a track
   std::size_t max_regions = 8;   // per view, the largest ones
   double missed_penalty = 0.25;  // of the score, per view that should see it and does not
   int refinements = 2;           // Gauss-Newton steps of a candidate's position
@@ -140,7 +139,7 @@ class RayCrosser {
     const double share = region.area / disc_area(at.radius_px);
     if (share < least_support || share > sighting_tuning.max_disc_share) return false;
     const Sighting s = set_apart(sighting_at(view, region, at), at);
-    return mahalanobis2(s.px - at.px, s.covariance) <= ray_crossing.gate_nis;
+    return mahalanobis2(s.px - at.px, s.covariance) <= sighting_tuning.gate_nis;
   }
 
   const color::ColorRegion* nearest_fitting(std::size_t view, const BallProjection& at) const {

@@ -60,6 +60,7 @@ struct Sighting {
   double narrowed = 0;                                // log of the region's length over its width, less the smear
   Eigen::Matrix2d of_pose = Eigen::Matrix2d::Zero();  // px^2, bias by CameraTrust::pose_covariance
   double inflation_px2 = 0;                           // px^2, bias by inconsistency with other views
+  double missing = 0;                                 // share of the area that this camera usually shows
   bool is_cut = false;      // masked static clutter may hide a part of it: excluded from consistency tests
   bool is_outline = false;  // measured by its outline, not by its region's centroid
 
@@ -94,6 +95,7 @@ struct SightingTuning {
   double misfit_share = 0.2;       // of the radius, 1 sigma: shape noise of a small disc's outline (experiment)
   double cut_error = 0.85;         // radii of error per missing share: an edge leaves 0.42 at half, 0.65 at a quarter
   double region_size_sigma = 0.2;  // of the log of a region's radius: dark edges do not match (experiment)
+  double size_memory = 300;        // frames in the mean of a size: 10 s at 30 fps
   double alone_share = 1.4;        // share of the expected area up to which it is one object alone: its edge is blurred
 };
 inline constexpr SightingTuning sighting_tuning{};

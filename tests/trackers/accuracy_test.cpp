@@ -26,7 +26,7 @@ class Accuracy : public testing::Test {
   static void expect_honest(const figures::TrackingFigures& f) {
     EXPECT_EQ(f.wrong_tracking, 0u) << "sets that say `tracking` and are over 10 cm off";
     EXPECT_GT(f.compared, 30u);
-    EXPECT_GE(f.mean_nees, 1.5);
+    EXPECT_GE(f.mean_nees, 1.3);
     EXPECT_LE(f.mean_nees, 6);
     EXPECT_GE(f.share_inside_95, 0.85);
   }

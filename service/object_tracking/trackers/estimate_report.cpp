@@ -4,17 +4,13 @@
 #include <cmath>
 
 #include "object_tracking/expected_view.h"
+#include "object_tracking/objects/object_births.h"
 
 namespace huetrack::object_trackers {
 
 using namespace object_tracking;
 
 namespace {
-
-struct EstimateReportTuning {
-  double confirmation_by_view = 0.9;  // how far a view that shows the whole disc confirms the object
-};
-constexpr EstimateReportTuning reporting{};
 
 // Fills in one view. Returns whether it sees the object.
 bool add_support(const TargetView& view, const ToReport& in, ObjectEstimate& estimate) {
@@ -35,6 +31,15 @@ bool add_support(const TargetView& view, const ToReport& in, ObjectEstimate& est
 }
 
 }  // namespace
+
+double hidden_error(std::span<const Sighting> sightings) {
+  double missing = 0, weights = 0;
+  for (const Sighting& s : sightings) {
+    const double weight = 1 / (s.covariance.trace() / 2 + s.bias_sigma_px * s.bias_sigma_px + s.inflation_px2);
+    missing += weight * s.missing, weights += weight;
+  }
+  return weights > 0 ? sighting_tuning.cut_error * missing / weights : 0;
+}
 
 ObjectEstimate without_position(const capture::FrameSet& set, const TargetViews& views, const ObjectFilter& filter,
                                 const ViewConsistency& agreement, TrackState state) {
@@ -67,8 +72,10 @@ ObjectEstimate report(const ToReport& in, RigError& rig_error, capture::Timestam
   e.position = motion.position_at(e.at);
   e.velocity = motion.velocity();
   rig_error.add(in.sightings);
+  const double hidden_m = in.hidden_radii * in.radius_m;
   e.covariance = in.agreement.noise_scale2() * motion.position_covariance() + rig_error.left_open(e.position, e.at) +
-                 motion.clock_variance_s2() * e.velocity * e.velocity.transpose();
+                 motion.clock_variance_s2() * e.velocity * e.velocity.transpose() +
+                 hidden_m * hidden_m * Eigen::Matrix3d::Identity();
   e.map_position = in.filter.map_position();
   for (const auto* some : {&in.views.used(), &in.views.unused()}) {
     for (const TargetView& view : *some) e.views += add_support(view, in, e) ? 1 : 0;
@@ -81,7 +88,7 @@ ObjectEstimate report(const ToReport& in, RigError& rig_error, capture::Timestam
     // A view that is inconsistent by as much as its gate allows counts half.
     const double usual_px2 = s.covariance.trace() / 2 + s.bias_sigma_px * s.bias_sigma_px;
     all_clutter *=
-        1 - reporting.confirmation_by_view * s.support / (1 + s.inflation_px2 / (sighting_tuning.gate_nis * usual_px2));
+        1 - objects::detection.probability * s.support / (1 + s.inflation_px2 / (sighting_tuning.gate_nis * usual_px2));
   }
   e.confidence = 1 - all_clutter;
   return e;

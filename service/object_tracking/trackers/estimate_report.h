@@ -23,7 +23,12 @@ struct ToReport {
   const object_tracking::ViewConsistency& agreement;
   std::span<const object_tracking::Sighting> sightings;  // of this set, sorted by the time of their rows
   std::span<const object_tracking::Sighting> seen;       // with inconsistent views and cameras that are not used
+  double hidden_radii;                                   // hidden_error() of the last sightings
 };
+
+// In radii, 1 sigma per axis, by what hides a part of the object in its views: a hand hides the same side in all of
+// them, so that their errors do not cancel, and the filter follows them.
+double hidden_error(std::span<const object_tracking::Sighting> sightings);
 
 // An estimate without a position: which cameras delivered, their timing and inconsistency.
 object_tracking::ObjectEstimate without_position(const capture::FrameSet& set,

@@ -121,6 +121,17 @@ bool ObjectSighter::is_repeated(const TargetView& view, std::span<const color::C
   return last.is_repeated;
 }
 
+double ObjectSighter::UsualSize::missing(double log_size) const {
+  return count > 0 ? std::max(0.0, 1 - std::exp(2 * (log_size - mean + std::sqrt(variance)))) : 0.0;
+}
+
+void ObjectSighter::UsualSize::add(double log_size) {
+  const double whole = std::pow(1 - missing(log_size), 2), off = log_size - mean;
+  count = std::min(sighting_tuning.size_memory, count + whole);
+  mean += whole / count * off;
+  variance += whole / (count + 1) * (off * off - variance);
+}
+
 void ObjectSighter::sight(const std::vector<TargetView>& views, const ObjectFilter& filter,
                           const ViewConsistency& agreement, std::vector<Sighting>& out) {
   const MotionState& motion = filter.motion();
@@ -156,6 +167,10 @@ void ObjectSighter::sight(const std::vector<TargetView>& views, const ObjectFilt
       continue;
     }
     last_[static_cast<std::size_t>(view.index)] = {chosen_region, view.frame->captured_at};
+    UsualSize& usual = usual_[static_cast<std::size_t>(view.index)];
+    const double log_size = std::log(disc_radius(chosen_region.area) / at.radius_px);
+    chosen->missing = usual.missing(log_size);
+    usual.add(log_size);
     // Inconsistent views are not refined: outlines do not show which view is wrong.
     if (!is_inconsistent) outlines_.sharpen(view, motion, *expected, s, *chosen);
     chosen->row = row_of(view, chosen->px.y(), motion);

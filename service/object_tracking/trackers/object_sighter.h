@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <optional>
 #include <span>
 #include <vector>
@@ -33,6 +34,7 @@ class ObjectSighter {
         options_(options),
         outlines_(rig, target, options),
         last_(rig.cameras.size()),
+        usual_(rig.cameras.size()),
         finders_(rig.cameras.size()),
         disc_finders_(rig.cameras.size()),
         regions_(rig.cameras.size()) {}
@@ -62,6 +64,14 @@ class ObjectSighter {
     capture::Timestamp captured_at{};
     bool is_repeated = false;
   };
+  // Logarithm of a camera's regions' radius over the expected one: shading and blur are part of it. Regions with a
+  // missing part count little.
+  struct UsualSize {
+    double mean = 0, count = 0;
+    double variance = std::pow(object_tracking::sighting_tuning.region_size_sigma, 2);  // at first: of any camera
+    double missing(double log_size) const;  // share of the area, beyond the spread of the sizes
+    void add(double log_size);
+  };
   std::span<const color::ColorRegion> regions_near(const object_tracking::TargetView& view,
                                                    const object_tracking::BallProjection& at,
                                                    const Eigen::Matrix2d& spread);
@@ -76,6 +86,7 @@ class ObjectSighter {
   object_tracking::ObjectTrackerOptions options_;
   object_tracking::OutlineSighter outlines_;
   std::vector<LastRegion> last_;                          // per camera
+  std::vector<UsualSize> usual_;                          // per camera
   std::vector<color::RegionFinder> finders_;              // per camera
   std::vector<color::DiscFinder> disc_finders_;           // per camera
   std::vector<color::ColorRegion> near_;                  // work space of regions_near()

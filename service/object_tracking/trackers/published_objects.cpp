@@ -46,7 +46,8 @@ void PublishedObjects::report(const capture::FrameSet& set, const TargetViews& v
                                            .filter = object->filter,
                                            .agreement = agreement,
                                            .sightings = object->sightings,
-                                           .seen = object->seen},
+                                           .seen = object->seen,
+                                           .hidden_radii = object->hidden_radii},
                                           object->rig_error, object->last_published));
     out.back().object = object->number;
     out.back().is_birth = is_birth;

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "calib/model/covariance_ellipse.h"
+#include "object_tracking/trackers/estimate_report.h"
 
 namespace huetrack::object_trackers {
 
@@ -168,6 +169,7 @@ void RegionTracker::follow(TrackedObject& object, const capture::FrameSet& set, 
     power_density = object.filter.power_density();
   }
   object.filter.update(object.sightings, set.at, object.last_published, power_density);
+  if (!object.sightings.empty()) object.hidden_radii = hidden_error(object.sightings);
   judge(object, set);
 }
 
@@ -367,6 +369,7 @@ void RegionTracker::start(TrackedObject& object, Birth birth, const std::vector<
                                  object.existence.is_sure());
   object.last_tracking = object.last_inside = set_at;
   object.is_new = true;
+  object.hidden_radii = 0;
 }
 
 void RegionTracker::expected_outlines(std::size_t camera, std::vector<capture::ExpectedOutline>& out) const {

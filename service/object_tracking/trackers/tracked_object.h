@@ -30,6 +30,7 @@ struct TrackedObject {
   bool is_published = false;                                                  // in the last set
   bool is_new = true;  // found in this set: its position is too unsure to learn around it
   capture::Timestamp last_tracking{}, last_inside{}, last_published = capture::Timestamp::min();
+  double hidden_radii = 0;  // hidden_error() of the last sightings
   // Of this set, sorted by the time of their rows.
   std::vector<object_tracking::Sighting> sightings;
   std::vector<object_tracking::Sighting> watched;  // of cameras that are not used
