@@ -209,6 +209,21 @@ TEST_F(FieldCases, TimesThatTheFilesContradictAreNamed) {
   EXPECT_THAT(played("fps: 25, trust_times: true").text, Not(HasSubstr("fps says")));
 }
 
+// 30 frames a second saved as 60: half as long, and the ball twice as fast.
+TEST_F(FieldCases, OneFilmAtAWrongRateIsNamed) {
+  const auto played = [&](const std::string& times_0, const std::string& times_1) {
+    return replay({recording("frames: " + file("badsei/badsei0.mp4") + times_0,
+                             "frames: " + file("badsei/badsei1.mp4") + times_1)});
+  };
+  const std::string wrong = ", fps: 60, trust_times: true";
+  const Replayed first = played(wrong, ", fps: 30"), second = played(", fps: 30", wrong), none = played("", "");
+  EXPECT_EQ(first.status, 3) << first.text;
+  EXPECT_THAT(first.text,
+              HasSubstr("mistake cam0 and cam1 have as many frames, 150, but at 60 and 30 frames a second"));
+  EXPECT_THAT(second.text, HasSubstr("mistake cam1 and cam0 have as many frames, 150, but at 60 and 30"));
+  EXPECT_THAT(none.text, Not(HasSubstr("as many frames")));
+}
+
 TEST_F(FieldCases, GreyPicturesAreTheReasonThatNothingIsTracked) {
   for (int k = 0; k < 30; ++k)
     std::ofstream(folder_ / (std::to_string(k) + ".pgm")) << "P5\n320 240\n255\n" << std::string(320 * 240, char(90));
