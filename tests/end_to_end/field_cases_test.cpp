@@ -133,6 +133,24 @@ TEST_F(FieldCases, OrdersOfFilesThatThePicturesContradictAreNamed) {
   }
 }
 
+// One picture before the others, and every later one is a frame late: 38 mm.
+TEST_F(FieldCases, AStrayPictureInAFolderIsNamed) {
+  for (const std::string camera : {"cam0", "cam1"}) {
+    fs::create_directories(folder_ / camera);
+    for (int k = 1; k <= 120; ++k)
+      fs::copy_file(field_cases / "glob_order" / camera / ("img" + std::to_string(k) + ".jpg"),
+                    folder_ / camera / ("frame_" + std::to_string(k) + ".jpg"));
+    fs::copy_file(folder_ / camera / "frame_1.jpg", folder_ / camera / "background.jpg");
+  }
+  const std::string at_30 = ", fps: 30", all = "/*.jpg\"" + at_30, numbered = "/frame_*.jpg\"" + at_30;
+  const Replayed stray = replay({recording("frames: \"cam0" + all, "frames: \"cam1" + all)});
+  EXPECT_EQ(stray.status, 3) << stray.text;
+  EXPECT_THAT(stray.text, HasSubstr("background.jpg is not named like the other files"));
+  const Replayed right = replay({recording("frames: \"cam0" + numbered, "frames: \"cam1" + numbered)});
+  EXPECT_EQ(right.status, 0) << right.text;
+  EXPECT_LT(right.rms_mm, 3.5) << right.text;
+}
+
 // As a program that sorts by letters numbers them anew.
 TEST_F(FieldCases, PicturesInTheOrderOfLettersAreNamed) {
   for (const std::string camera : {"cam0", "cam1"}) {
