@@ -304,6 +304,7 @@ class Stream {
     if (!std::exchange(ended_, true)) {
       if (stated_times_) stated_times_->end();
       if (auto problem = order_ ? order_->problem() : std::nullopt) contradict(std::move(*problem));
+      if (auto problem = reader_->wrong_times(); problem && !camera_.trusts_times) contradict(std::move(*problem));
       report_contradictions();
       note_listed_frames_that_never_came();
       note_left_out();

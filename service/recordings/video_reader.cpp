@@ -608,12 +608,6 @@ struct VideoReader::Impl {
                          (gaps.count == 1 ? " place" : " places") + ", first after picture " +
                          std::to_string(gaps.first_after - 1) +
                          " of the file: they count as frames that the camera dropped; if it dropped none, give fps");
-    if (repeated > 0)
-      warnings.push_back(fmt::format(
-          "{}: {} of its key pictures are there twice, first picture {} of the file, as where films were joined that "
-          "had been cut between key frames: times are wrong from there on; join them uncut, or cut them by encoding "
-          "them anew",
-          camera.frames.string(), repeated, first_repeated));
     if (camera.fps == 0 && camera.timestamps.empty() && !joined) note_joints();
     sum_up(lost_warnings, "frames that do not decode");
     sum_up(damage_warnings, "damaged places");
@@ -716,6 +710,15 @@ capture::Duration VideoReader::frame_period() const {
 
 bool VideoReader::is_turned() const {
   return impl_->pictures.turns();
+}
+
+std::optional<std::string> VideoReader::wrong_times() const {
+  if (impl_->repeated == 0) return std::nullopt;
+  return fmt::format(
+      "{} of its key pictures are there twice, first picture {} of the file, as where films were joined that had been "
+      "cut between key frames: times are wrong from there on: join them uncut, or cut them by encoding them anew; if "
+      "they are right, add trust_times: true",
+      impl_->repeated, impl_->first_repeated);
 }
 
 std::span<const ImageFile> VideoReader::series() const {
