@@ -439,6 +439,18 @@ std::vector<fs::path> several_series(const std::vector<fs::path>& files) {
   return {*largest[0]->first, *largest[1]->first};
 }
 
+std::optional<fs::path> stray_file(const std::vector<fs::path>& files) {
+  const NameOrder order(files);
+  if (order.hexadecimal()) return std::nullopt;
+  std::map<std::string, std::vector<fs::path>> by_text;
+  for (const fs::path& file : files) by_text[order.parts_of(without_extension(file.native())).text].push_back(file);
+  constexpr std::size_t of_a_series = 3;  // two other names are no series that one can be a stray of
+  if (by_text.size() != 2 || files.size() <= of_a_series) return std::nullopt;
+  for (const auto& [text, named_so] : by_text)
+    if (named_so.size() == 1) return named_so.front();
+  return std::nullopt;
+}
+
 bool hold_an_order(const std::vector<fs::path>& files) {
   const NameOrder order(files);
   if (files.size() < 3 || (order.hexadecimal() && order.hexadecimal()->is_dense)) return true;

@@ -272,6 +272,22 @@ std::string turned_text(const recordings::ReplaySource& source) {
       fmt::join(turned, " and "), turned.size() == 1 ? "the file" : "their files");
 }
 
+// Where the rig does not explain the views: two films of as many frames, at rates that differ. Empty: none.
+std::string rates_text(const recordings::ReplaySource& source) {
+  constexpr double same_rate = 1.02;  // 29.97 and 30
+  const auto frames_of = [](const auto& camera) { return camera.frames + camera.missing + camera.corrupted; };
+  for (const auto& slow : source.cameras())
+    for (const auto& fast : source.cameras()) {
+      const double slow_s = capture::seconds(slow.frame_period), fast_s = capture::seconds(fast.frame_period);
+      if (!(fast_s > 0 && slow_s > same_rate * fast_s) || std::abs(frames_of(fast) - frames_of(slow)) > 1) continue;
+      return fmt::format(
+          "{} and {} have as many frames, {}, but at {:.4g} and {:.4g} frames a second: if they filmed for the same "
+          "time, one was saved at a wrong rate: give it the right one, fps: {:.4g} or {:.4g} with trust_times: true",
+          fast.name, slow.name, frames_of(fast), 1 / fast_s, 1 / slow_s, 1 / slow_s, 1 / fast_s);
+    }
+  return {};
+}
+
 // Times that may be counted, not measured; empty: none.
 std::string even_times_text(const recordings::ReplaySource& source) {
   std::vector<std::string> rates;
@@ -394,9 +410,8 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   summary.wall_s -= summary.held_s;
   summary.mistakes = reports.mistakes.summary();
   std::ranges::copy(playback.source().mistakes(), std::back_inserter(summary.mistakes));
-  if (const std::string turned = turned_text(playback.source());
-      reports.mistakes.has_explained_rig() && !turned.empty())
-    summary.mistakes.push_back(turned);
+  for (const std::string& reason : {turned_text(playback.source()), rates_text(playback.source())})
+    if (reports.mistakes.has_explained_rig() && !reason.empty()) summary.mistakes.push_back(reason);
   const std::string unit_mistake = config::unit_mistake(config);
   if (!unit_mistake.empty()) summary.mistakes.push_back(unit_mistake);
   const std::string grey = grey_text(playback.source(), session.config());

@@ -149,8 +149,10 @@ std::vector<ImageFile> files_of_glob(const RecordedCamera& camera) {
     throw files::ConfigError(camera.frames, 0,
                              "the order of the files is not known: " + two[1].filename().string() +
                                  " has a letter where " + two[0].filename().string() +
-                                 " has a digit, as hexadecimal numbers have, of which others are missing: number them "
-                                 "in the order in which they were taken (frames of camera " +
+                                 " has a digit, as hexadecimal numbers have, of which others are missing: if " +
+                                 two[1].filename().string() +
+                                 " is no picture of the series, move it to another folder; otherwise number all in the "
+                                 "order in which they were taken (frames of camera " +
                                  camera.name + ")");
   // Whoever lists times for the files knows their order.
   if (camera.timestamps.empty() && !files::hold_an_order(paths))

@@ -1,6 +1,7 @@
 #include "recordings/picture_order.h"
 
 #include <algorithm>
+#include <cstdlib>
 #include <utility>
 
 namespace huetrack::recordings {
@@ -10,13 +11,14 @@ constexpr std::size_t most_reordered = 17;  // a decoder of H.264 or HEVC keeps 
 
 }  // namespace
 
-void PictureOrder::sent(std::optional<std::int64_t> stamp, bool is_trimmed) {
+void PictureOrder::sent(std::optional<std::int64_t> stamp, bool is_trimmed, bool is_key) {
+  if (is_key) ++key_packets_;
   if (!stamp) {
     ++unstamped_;
     return;
   }
-  const auto later = std::ranges::upper_bound(pending_, *stamp, {}, &Sent::stamp);
-  pending_.insert(later, {*stamp, packets_++, is_trimmed});
+  const Sent packet{*stamp, packets_++, is_trimmed, is_key, key_packets_};
+  pending_.insert(std::ranges::upper_bound(pending_, packet.place(), {}, &Sent::place), packet);
 }
 
 void PictureOrder::failed() {
@@ -39,18 +41,20 @@ void PictureOrder::shown(std::optional<std::int64_t> stamp, capture::FramePtr fr
       --unstamped_;
     else if (!pending_.empty())
       pending_.erase(pending_.begin());
+    last_.reset();
     decided_.push_back({stamp, std::move(frame)});
     return;
   }
   const Sent picture = *own;
   pending_.erase(own);
   // An earlier stamp that was sent first, and is shown later.
-  const bool is_late = std::ranges::any_of(
-      held_, [&](const Held& held) { return picture.stamp < held.sent.stamp && picture.number < held.sent.number; });
+  const bool is_late = std::ranges::any_of(held_, [&](const Held& held) {
+    return picture.place() < held.sent.place() && picture.key == held.sent.key && picture.number < held.sent.number;
+  });
   held_.push_back({picture, std::move(frame)});
   if (is_late)
     take_decoding_order();
-  else if (pending_.empty() || pending_.front().stamp > held_.back().sent.stamp || held_.size() > most_reordered)
+  else if (pending_.empty() || pending_.front().place() > held_.back().sent.place() || held_.size() > most_reordered)
     decide();
 }
 
@@ -65,7 +69,7 @@ void PictureOrder::show_earliest(std::optional<std::int64_t> stamp, capture::Fra
   waiting_.push_back(std::move(frame));
   if (stamp && (!latest_ || *stamp > *latest_)) latest_ = stamp;
   const auto sent_up_to =
-      latest_ ? std::ranges::upper_bound(pending_, *latest_, {}, &Sent::stamp) - pending_.begin() : 0;
+      latest_ ? std::ranges::count_if(pending_, [&](const Sent& sent) { return sent.stamp <= *latest_; }) : 0;
   if (std::size_t(sent_up_to) <= waiting_.size() || waiting_.size() > most_reordered) give_waiting();
 }
 
@@ -104,19 +108,48 @@ void PictureOrder::decide() {
   const auto kept = std::ranges::find_if(held_, [](const Held& held) { return !held.sent.is_trimmed; });
   if (!has_given_ && kept == held_.end() && held_.size() <= most_reordered) return;
   for (Held& held : std::exchange(held_, {})) {
-    give_lost_before(held.sent.stamp);
+    give_lost_before(held.sent);
     if (held.sent.is_trimmed) continue;
+    judge_joint(held.sent);
     has_given_ = true;
     last_ = held.sent.stamp;
     ++given_;
-    decided_.push_back({held.sent.stamp, std::move(held.frame)});
+    decided_.push_back({held.sent.stamp + shift_, std::move(held.frame)});
   }
 }
 
-void PictureOrder::give_lost_before(std::int64_t stamp) {
-  const auto end = std::ranges::lower_bound(pending_, stamp, {}, &Sent::stamp);
-  for (auto lost = pending_.begin(); lost != end; ++lost)
-    if (!lost->is_trimmed) decided_.push_back({lost->stamp, nullptr});
+// Between the picture given last and this one.
+void PictureOrder::judge_joint(const Sent& picture) {
+  if (!last_ || picture.stamp <= *last_) return;
+  const std::int64_t step = picture.stamp - *last_;
+  step_ = std::min(step_.value_or(step), step);
+  const std::int64_t missing = step - *step_;
+  if (2 * missing <= *step_) return;
+  const bool is_joint = picture.is_key && gaps_.count == 0;
+  if (is_joint && delay_ > 0 && 2 * std::abs(missing - delay_ * *step_) <= *step_) {
+    if (joints_.taken_out++ == 0) joints_.first = given_;
+    shift_ -= missing, taken_out_ += missing;
+  } else if (is_joint) {
+    if (joints_.left++ == 0) joints_.first_left = given_;
+    joints_.longest_left = std::max(joints_.longest_left, missing);
+  } else {
+    ++gaps_.count;
+  }
+}
+
+PictureOrder::Joints PictureOrder::joints() const {
+  Joints joints = joints_;
+  if (gaps_.count > 0) joints.left = 0;
+  return joints;
+}
+
+void PictureOrder::give_lost_before(const Sent& picture) {
+  const auto end = std::ranges::lower_bound(pending_, picture.place(), {}, &Sent::place);
+  for (auto lost = pending_.begin(); lost != end; ++lost) {
+    if (lost->is_trimmed) continue;
+    last_ = lost->stamp;
+    decided_.push_back({lost->stamp + shift_, nullptr});
+  }
   pending_.erase(pending_.begin(), end);
 }
 
@@ -124,7 +157,7 @@ void PictureOrder::take_decoding_order() {
   takes_earliest_ = is_decoding_order_ = true;
   auto held = std::exchange(held_, {});
   for (const Held& picture : held)
-    pending_.insert(std::ranges::upper_bound(pending_, picture.sent.stamp, {}, &Sent::stamp), picture.sent);
+    pending_.insert(std::ranges::upper_bound(pending_, picture.sent.place(), {}, &Sent::place), picture.sent);
   // What such stamps trim belongs to the film, which begins at the first stamp that is not trimmed.
   const auto kept = std::ranges::find(pending_, false, &Sent::is_trimmed);
   if (!has_given_ && kept != pending_.end()) shift_ = kept->stamp - pending_.front().stamp;
@@ -136,6 +169,7 @@ void PictureOrder::end() {
     give_waiting();
   else
     decide();
+  if (repeats_ && !pending_.empty()) pending_.pop_back();  // the first repeated stamp's own is one too many
   for (const Sent& lost : std::exchange(pending_, {}))
     if (takes_earliest_ || !lost.is_trimmed) decided_.push_back({lost.stamp + shift_, nullptr});
   for (; unstamped_ > 0; --unstamped_) decided_.push_back({std::nullopt, nullptr});

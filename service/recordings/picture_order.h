@@ -3,12 +3,14 @@
 // and not shown yet. A later one means that pictures were lost, or that the stamps are in the order of decoding; that
 // is known once an earlier one is shown or enough pictures have passed. Encoders that stamp packets as they write them
 // wait for the pictures that B frames need, so those stamps have gaps: one wherever more pictures in a row than before
-// are shown before the one that was coded first. These are taken out. Private to this module.
+// are shown before the one that was coded first. Such a gap comes again before the key picture where films were joined.
+// These are taken out. Private to this module.
 #pragma once
 
 #include <cstdint>
 #include <deque>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "capture/ffmpeg/ffmpeg_objects.h"
@@ -26,8 +28,18 @@ class PictureOrder {
   // Before the first packet: the container (AVI) has no times of showing, its stamps count packets.
   void count_packets() { takes_earliest_ = true; }
 
-  // A packet that begins a picture goes to the decoder. is_trimmed: an edit list leaves it out.
-  void sent(std::optional<std::int64_t> stamp, bool is_trimmed = false);
+  // Two packets have the same stamp, which is that of one of them: each picture gets the earliest, from here on.
+  void stamps_repeat() {
+    if (!takes_earliest_) take_decoding_order();
+    repeats_ = true;
+  }
+
+  // Pictures that an encoder of this stream keeps back, by its header.
+  void expect_delay(int pictures) { delay_ = pictures; }
+
+  // A packet that begins a picture goes to the decoder. is_trimmed: an edit list leaves it out. is_key: what was sent
+  // before it is shown before it and all that follow.
+  void sent(std::optional<std::int64_t> stamp, bool is_trimmed = false, bool is_key = false);
   void failed();  // the packet sent last does not decode
   // stamp: the packet's, as the decoder returned it.
   void shown(std::optional<std::int64_t> stamp, capture::FramePtr frame);
@@ -42,6 +54,15 @@ class PictureOrder {
   };
   Gaps gaps() const { return longest_run_ > 0 ? gaps_ : Gaps{}; }
 
+  // Gaps before key pictures, as where films were joined.
+  struct Joints {
+    std::int64_t taken_out = 0;              // as long as the delay
+    std::int64_t left = 0;                   // others; 0 if there are gaps elsewhere, too
+    std::int64_t first = 0, first_left = 0;  // the pictures before them
+    std::int64_t longest_left = 0;           // of the stamps
+  };
+  Joints joints() const;
+
   // How much shorter the film became without the gaps that encoders explain.
   std::int64_t taken_out() const { return taken_out_; }
 
@@ -52,7 +73,9 @@ class PictureOrder {
   struct Sent {
     std::int64_t stamp;
     std::int64_t number;  // of the packet
-    bool is_trimmed;
+    bool is_trimmed, is_key;
+    std::int64_t key;                                                             // number of the key packets up to it
+    std::pair<std::int64_t, std::int64_t> place() const { return {key, stamp}; }  // in the order shown
   };
   struct Held {
     Sent sent;
@@ -61,27 +84,31 @@ class PictureOrder {
   void show_earliest(std::optional<std::int64_t> stamp, capture::FramePtr frame);
   void give_waiting();
   void judge_gap(std::size_t ahead);
-  void give_lost_before(std::int64_t stamp);
+  void judge_joint(const Sent& picture);
+  void give_lost_before(const Sent& picture);
   void decide();
   void take_decoding_order();
 
-  std::vector<Sent> pending_;  // ascending stamps: sent, not shown
+  std::vector<Sent> pending_;  // ascending places: sent, not shown
   std::deque<Held> held_;      // shown, undecided: pending_ has earlier stamps, or they are trimmed
   std::deque<Picture> decided_;
-  std::int64_t packets_ = 0;
+  std::int64_t packets_ = 0, key_packets_ = 0;
   int unstamped_ = 0;  // sent without a stamp, not shown
   bool takes_earliest_ = false;
   bool is_decoding_order_ = false;
-  bool has_given_ = false;  // a picture that is not trimmed
+  bool repeats_ = false;
+  bool has_given_ = false;              // a picture that is not trimmed
+  std::optional<std::int64_t> last_;    // stamp given, before the shift
+  std::optional<std::int64_t> step_;    // between two
+  std::int64_t shift_ = 0, given_ = 0;  // pictures
+  std::int64_t taken_out_ = 0;          // of gaps
+  int delay_ = 0;
+  Joints joints_;
+  Gaps gaps_;
   // Of stamps in the order of decoding:
   std::deque<capture::FramePtr> waiting_;  // shown, undecided: one that was sent before them is not
   std::optional<std::int64_t> latest_;     // of their own stamps
-  std::optional<std::int64_t> last_;       // stamp given, before the shift
-  std::optional<std::int64_t> step_;       // between two
-  std::int64_t shift_ = 0, given_ = 0;     // pictures
   std::size_t longest_run_ = 0;            // of pictures shown before one that was sent before them
-  std::int64_t taken_out_ = 0;             // of gaps
-  Gaps gaps_;
 };
 
 }  // namespace huetrack::recordings

@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "capture/frames/frame.h"
@@ -37,6 +38,8 @@ class PictureStream {
   virtual std::optional<int> unexplained_largest() const { return std::nullopt; }
   // All files of a series of images, in the order in which they are played.
   virtual std::span<const ImageFile> series() const { return {}; }
+  // Why its times cannot be right, known at its end.
+  virtual std::optional<std::string> wrong_times() const { return std::nullopt; }
   virtual bool is_turned() const { return false; }  // its pictures, as a tag says
   // Of a container whose clock does not start at 0: its time at the first picture, whose stamp is 0.
   virtual std::optional<capture::Duration> clock_start() const { return std::nullopt; }

@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "calib/files/config_error.h"
+#include "calib/files/file_order.h"
 #include "calib/files/nearest_word.h"
 #include "capture/frames/comb_watch.h"
 #include "capture/frames/crop.h"
@@ -303,6 +304,7 @@ class Stream {
     if (!std::exchange(ended_, true)) {
       if (stated_times_) stated_times_->end();
       if (auto problem = order_ ? order_->problem() : std::nullopt) contradict(std::move(*problem));
+      if (auto problem = reader_->wrong_times(); problem && !camera_.trusts_times) contradict(std::move(*problem));
       report_contradictions();
       note_listed_frames_that_never_came();
       note_left_out();
@@ -314,6 +316,13 @@ class Stream {
     if (reader_->series().empty() || camera_.trusts_times) return;
     std::vector<std::filesystem::path> files;
     for (const ImageFile& file : reader_->series()) files.push_back(file.path);
+    const auto stray = camera_.timestamps.empty() ? files::stray_file(files) : std::nullopt;
+    if (stray)
+      contradict(
+          fmt::format("{0} is not named like the other files, and counts as a picture: if it is none of the "
+                      "series, move it to another folder, since every picture after it is a frame late; if it "
+                      "is one, add trust_times: true",
+                      stray->filename().string()));
     order_.emplace(std::move(files));
   }
 

@@ -1,10 +1,15 @@
 #include "recordings/video_reader.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <deque>
 #include <fstream>
+#include <functional>
+#include <set>
+#include <string_view>
 #include <utility>
 
 #include "calib/files/config_error.h"
@@ -157,6 +162,7 @@ struct VideoReader::Impl {
       is_avi = container == "avi";
       has_stamps = !has_no_stamps(*format->iformat);
       if (is_avi) order.count_packets();
+      if (!joined) order.expect_delay(stream->codecpar->video_delay);  // FFmpeg has not joined our parts
       count_listed_packets(container);
       // A transport or program stream's clock begins anywhere: players begin at its first picture.
       const bool begins_anywhere = (format->iformat->flags & AVFMT_TS_DISCONT) != 0;
@@ -408,12 +414,27 @@ struct VideoReader::Impl {
     if (packet->size > 0) {
       if (codec.examine(*packet)) {
         const bool has_pts = packet->pts != AV_NOPTS_VALUE;
-        order.sent(has_pts ? std::optional(packet->pts) : std::nullopt, is_trimmed);
-        if (has_pts) sent_key = std::max(sent_key, packet->pts);
+        const bool is_key = (packet->flags & AV_PKT_FLAG_KEY) != 0;
+        if (is_key) count_repeated();
+        // Where packed B frames were split (MPEG-TS), the second picture has the first one's stamp, and its own comes
+        // with the placeholder that follows, of which no picture is shown.
+        const bool was_packed = codec.codec().codec_id == AV_CODEC_ID_MPEG4 && has_pts && packet->pts == sent_last;
+        if (was_packed)
+          order.stamps_repeat();
+        else
+          order.sent(has_pts ? std::optional(packet->pts) : std::nullopt, is_trimmed, is_key);
+        if (has_pts) sent_key = std::max(sent_key, packet->pts), sent_last = packet->pts;
       }
       if (packet->size > 0 && codec.send(packet.get()) < 0) order.failed();  // an empty one would be the end
     }
     receive();
+  }
+
+  // A film that was cut between key frames begins with those before the cut; players leave them out, joining does not.
+  void count_repeated() {
+    const std::string_view bytes(reinterpret_cast<const char*>(packet->data), static_cast<std::size_t>(packet->size));
+    if (!key_pictures.insert(std::hash<std::string_view>()(bytes)).second && repeated++ == 0)
+      first_repeated = packets - 1;
   }
 
   void decode_rest() {
@@ -587,8 +608,27 @@ struct VideoReader::Impl {
                          (gaps.count == 1 ? " place" : " places") + ", first after picture " +
                          std::to_string(gaps.first_after - 1) +
                          " of the file: they count as frames that the camera dropped; if it dropped none, give fps");
+    if (camera.fps == 0 && camera.timestamps.empty() && !joined) note_joints();
     sum_up(lost_warnings, "frames that do not decode");
     sum_up(damage_warnings, "damaged places");
+  }
+
+  void note_joints() {
+    const PictureOrder::Joints joints = order.joints();
+    const auto places = [](std::int64_t count, std::int64_t first) {
+      return std::to_string(count) + (count == 1 ? " key picture" : " key pictures, first") + " after picture " +
+             std::to_string(first - 1) + " of the file, as where films were joined: ";
+    };
+    if (joints.taken_out > 0)
+      warnings.push_back(camera.frames.string() + ": its times jump by the delay of coding B frames before " +
+                         places(joints.taken_out, joints.first) +
+                         "that is taken out; if the camera dropped frames there, give timestamps");
+    if (joints.left > 0 && !damaged)
+      warnings.push_back(
+          fmt::format("{}: its times jump by up to {:.3f} s before {}if no pictures are missing there, "
+                      "give fps",
+                      camera.frames.string(), capture::seconds(duration_of_ticks(joints.longest_left)),
+                      places(joints.left, joints.first_left)));
   }
 
   const RecordedCamera& camera;
@@ -628,6 +668,9 @@ struct VideoReader::Impl {
 
   // Keys order the pictures: time stamps with a delayed decoder, else packet counts.
   std::int64_t sent_key = -1;
+  std::optional<std::int64_t> sent_last = {};  // stamp
+  std::set<std::size_t> key_pictures = {};     // hashes of their bytes
+  std::int64_t repeated = 0, first_repeated = 0;
   std::optional<std::int64_t> broken_from;
 
   bool damaged = false;  // the container, somewhere before this point
@@ -667,6 +710,15 @@ capture::Duration VideoReader::frame_period() const {
 
 bool VideoReader::is_turned() const {
   return impl_->pictures.turns();
+}
+
+std::optional<std::string> VideoReader::wrong_times() const {
+  if (impl_->repeated == 0) return std::nullopt;
+  return fmt::format(
+      "{} of its key pictures are there twice, first picture {} of the file, as where films were joined that had been "
+      "cut between key frames: times are wrong from there on: join them uncut, or cut them by encoding them anew; if "
+      "they are right, add trust_times: true",
+      impl_->repeated, impl_->first_repeated);
 }
 
 std::span<const ImageFile> VideoReader::series() const {

@@ -47,6 +47,7 @@ class VideoReader final : public PictureStream {
   capture::Duration frame_period() const override;  // average
   std::optional<capture::Duration> clock_start() const override;
   bool is_turned() const override;
+  std::optional<std::string> wrong_times() const override;
   std::optional<int> unexplained_largest() const override;
   std::span<const ImageFile> series() const override;
 

@@ -133,6 +133,24 @@ TEST_F(FieldCases, OrdersOfFilesThatThePicturesContradictAreNamed) {
   }
 }
 
+// One picture before the others, and every later one is a frame late: 38 mm.
+TEST_F(FieldCases, AStrayPictureInAFolderIsNamed) {
+  for (const std::string camera : {"cam0", "cam1"}) {
+    fs::create_directories(folder_ / camera);
+    for (int k = 1; k <= 120; ++k)
+      fs::copy_file(field_cases / "glob_order" / camera / ("img" + std::to_string(k) + ".jpg"),
+                    folder_ / camera / ("frame_" + std::to_string(k) + ".jpg"));
+    fs::copy_file(folder_ / camera / "frame_1.jpg", folder_ / camera / "background.jpg");
+  }
+  const std::string at_30 = ", fps: 30", all = "/*.jpg\"" + at_30, numbered = "/frame_*.jpg\"" + at_30;
+  const Replayed stray = replay({recording("frames: \"cam0" + all, "frames: \"cam1" + all)});
+  EXPECT_EQ(stray.status, 3) << stray.text;
+  EXPECT_THAT(stray.text, HasSubstr("background.jpg is not named like the other files"));
+  const Replayed right = replay({recording("frames: \"cam0" + numbered, "frames: \"cam1" + numbered)});
+  EXPECT_EQ(right.status, 0) << right.text;
+  EXPECT_LT(right.rms_mm, 3.5) << right.text;
+}
+
 // As a program that sorts by letters numbers them anew.
 TEST_F(FieldCases, PicturesInTheOrderOfLettersAreNamed) {
   for (const std::string camera : {"cam0", "cam1"}) {
@@ -207,6 +225,21 @@ TEST_F(FieldCases, TimesThatTheFilesContradictAreNamed) {
                                HasSubstr("add trust_times: true")));
   EXPECT_EQ(played("fps: 30").status, 0);
   EXPECT_THAT(played("fps: 25, trust_times: true").text, Not(HasSubstr("fps says")));
+}
+
+// 30 frames a second saved as 60: half as long, and the ball twice as fast.
+TEST_F(FieldCases, OneFilmAtAWrongRateIsNamed) {
+  const auto played = [&](const std::string& times_0, const std::string& times_1) {
+    return replay({recording("frames: " + file("badsei/badsei0.mp4") + times_0,
+                             "frames: " + file("badsei/badsei1.mp4") + times_1)});
+  };
+  const std::string wrong = ", fps: 60, trust_times: true";
+  const Replayed first = played(wrong, ", fps: 30"), second = played(", fps: 30", wrong), none = played("", "");
+  EXPECT_EQ(first.status, 3) << first.text;
+  EXPECT_THAT(first.text,
+              HasSubstr("mistake cam0 and cam1 have as many frames, 150, but at 60 and 30 frames a second"));
+  EXPECT_THAT(second.text, HasSubstr("mistake cam1 and cam0 have as many frames, 150, but at 60 and 30"));
+  EXPECT_THAT(none.text, Not(HasSubstr("as many frames")));
 }
 
 TEST_F(FieldCases, GreyPicturesAreTheReasonThatNothingIsTracked) {

@@ -127,6 +127,20 @@ TEST(FileOrder, HexadecimalNumbersAreNumbers) {
   EXPECT_FALSE(hold_an_order(hashes));
 }
 
+TEST(FileOrder, AFileThatIsNotOfTheSeriesIsKnown) {
+  for (const char* stray : {"background.jpg", "thumb.jpg", "cal2.jpg", "img1 (1).jpg", "img_0001_copy.jpg"}) {
+    std::vector<std::filesystem::path> files{stray};
+    for (int k = 1; k <= 12; ++k) files.push_back("img" + std::to_string(k) + ".jpg");
+    EXPECT_EQ(stray_file(files), files.front());
+    files.erase(files.begin());
+    EXPECT_EQ(stray_file(files), std::nullopt);
+  }
+  // A series that goes on under another name, and one across zero.
+  EXPECT_EQ(stray_file({"a_1.jpg", "a_2.jpg", "a_3.jpg", "b_4.jpg", "b_5.jpg"}), std::nullopt);
+  EXPECT_EQ(stray_file({"f-1.jpg", "f0.jpg", "f1.jpg", "f2.jpg"}), std::nullopt);
+  EXPECT_EQ(stray_file({"left.jpg", "right.jpg", "top.jpg"}), std::nullopt);
+}
+
 // Of which a pattern leaves out those that end with a letter.
 TEST(FileOrder, APartOfHexadecimalNumbersIsNamed) {
   for (const int width : {1, 3}) {

@@ -142,6 +142,59 @@ TEST(PictureOrder, StampsThatJumpBackStay) {  // where files were joined
   EXPECT_FALSE(order.had_stamps_of_decoding());
 }
 
+// I P B B I P B B with 0 3 1 2 from 10 * joint on: what was sent before a key picture is shown before it.
+TEST(PictureOrder, StampsThatJumpBackAtAKeyPictureLoseNothing) {
+  PictureOrder order;
+  order.sent(10, false, true), order.sent(13), order.shown(10, frame(1));
+  order.sent(11), order.shown(11, frame(2)), order.sent(12), order.shown(12, frame(3));
+  order.sent(0, false, true), order.sent(3), order.shown(13, frame(4));
+  order.sent(1), order.shown(0, frame(5)), order.shown(1, frame(6));
+  order.sent(2), order.shown(2, frame(7)), order.shown(3, frame(8));
+  order.end();
+  EXPECT_THAT(taken(order), ElementsAre(std::pair(10, 1), std::pair(11, 2), std::pair(12, 3), std::pair(13, 4),
+                                        std::pair(0, 5), std::pair(1, 6), std::pair(2, 7), std::pair(3, 8)));
+  EXPECT_FALSE(order.had_stamps_of_decoding());
+}
+
+// As long as the delay, and nowhere else: taken out before a key picture, and only there.
+TEST(PictureOrder, GapsWhereFilmsWereJoinedAreTakenOut) {
+  struct Case {
+    int at, missing, taken_out, left;
+  };
+  for (const Case& c : {Case{10, 2, 2, 0}, {10, 1, 0, 1}, {10, 7, 0, 1}, {11, 2, 0, 0}, {20, 2, 2, 0}}) {
+    PictureOrder order;
+    order.expect_delay(2);
+    for (int k = 0; k < 30; ++k) {
+      const int stamp = k + (k >= c.at ? c.missing : 0);
+      order.sent(stamp, false, k % 10 == 0), order.shown(stamp, frame(k + 1));
+    }
+    order.end();
+    const auto pictures = taken(order);
+    ASSERT_EQ(pictures.size(), 30u);
+    EXPECT_EQ(pictures.back(), std::pair(Stamp(29 + c.missing - c.taken_out), 30)) << c.at << c.missing;
+    EXPECT_EQ(order.joints().taken_out, c.taken_out > 0 ? 1 : 0) << c.at << c.missing;
+    EXPECT_EQ(order.joints().left, c.left) << c.at << c.missing;
+    if (c.taken_out > 0) {
+      EXPECT_EQ(order.joints().first, c.at);
+    }
+  }
+}
+
+// I P B -, P B -: packed B frames that were split, and their placeholders (-), which show nothing.
+TEST(PictureOrder, RepeatedStampsAreThoseOfTheirPlaceholders) {
+  PictureOrder order;
+  order.sent(0, false, true), order.sent(2), order.shown(0, frame(1));
+  order.sent(1), order.shown(1, frame(2));
+  order.sent(3);  // -
+  order.sent(4), order.shown(2, frame(3));
+  order.stamps_repeat(), order.shown(4, frame(4));
+  order.sent(5);  // -
+  order.shown(4, frame(5));
+  order.end();
+  EXPECT_THAT(taken(order),
+              ElementsAre(std::pair(0, 1), std::pair(1, 2), std::pair(2, 3), std::pair(3, 4), std::pair(4, 5)));
+}
+
 TEST(PictureOrder, PicturesWithoutStampsAreCounted) {
   PictureOrder order;
   order.sent(std::nullopt), order.sent(std::nullopt), order.sent(std::nullopt);

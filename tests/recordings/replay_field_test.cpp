@@ -7,6 +7,7 @@
 
 #include "calib/files/config_error.h"
 #include "capture/clips.h"
+#include "capture/ffmpeg/ffmpeg_objects.h"
 #include "recordings/replay_source.h"
 
 namespace huetrack::recordings {
@@ -234,6 +235,54 @@ TEST_F(FieldFile, GapsOfAnEncoderThatWaitsAreTakenOut) {
       expect_even_times(played);
       EXPECT_THAT(played.warnings, SizeIs(file == "a.avi" || given > 0 ? 0 : 1)) << file << given;
     }
+}
+
+// FLV, and the first one of `-f segment`, begin at the delay, which FFmpeg's concatenation counts into their length.
+TEST_F(FieldFile, GapsWhereFilmsWereJoinedAreNoTime) {
+  struct Case {
+    int gap;
+    std::string said;
+  };
+  for (const std::string file : {"a.mp4", "a.mkv", "a.ts"})
+    for (const Case& c : {Case{0, ""}, Case{2, "before 1 key picture after picture 5 of the file"},
+                          Case{20, "its times jump by up to 2.000 s before 1 key picture after picture 5"}}) {
+      Clip clip = with_b_frames("libx264");
+      clip.tamper = [&](int k, AVPacket& packet) {
+        if (k >= 6) packet.pts += c.gap, packet.dts += c.gap;
+        return true;
+      };
+      const FieldPlay played = play_field(write(file, clip));
+      EXPECT_EQ(played.shown, numbers_to(18)) << file;
+      EXPECT_NEAR(played.at_frames.back(), c.gap == 20 ? 37 : 17, 0.03) << file << c.gap;
+      if (c.gap == 0)
+        EXPECT_THAT(played.warnings, IsEmpty()) << file;
+      else
+        EXPECT_THAT(played.warnings, ElementsAre(HasSubstr(c.said))) << file << c.gap;
+    }
+}
+
+// Packets as `-ss` copies them, from the key frame before the cut on.
+TEST_F(FieldFile, PicturesThatAreThereTwiceAreNamed) {
+  const auto packets = [&] {
+    std::vector<capture::PacketPtr> all;
+    Clip clip = with_b_frames("libx264");
+    clip.tamper = [&](int, AVPacket& packet) {
+      all.emplace_back(av_packet_clone(&packet));
+      return true;
+    };
+    write("whole.mp4", clip);
+    return all;
+  }();
+  Clip joined = with_b_frames("libx264");
+  joined.tamper = [&](int k, AVPacket& packet) {
+    const auto& from = *packets[std::size_t(k < 9 ? k : k - 3)];
+    const std::int64_t dts = packet.dts;
+    av_packet_unref(&packet), av_packet_ref(&packet, &from);
+    packet.pts = from.pts + (k < 9 ? 0 : 3), packet.dts = dts;
+    return true;
+  };
+  EXPECT_THAT(play_field(write("a.mp4", joined)).warnings,
+              Contains(AllOf(HasSubstr("1 of its key pictures are there twice"), HasSubstr("picture 9 of the file"))));
 }
 
 TEST_F(FieldFile, GreyFilmsAreKnown) {
