@@ -7,6 +7,7 @@
 #include <cmath>
 #include <functional>
 
+#include "object_tracking/trackers/estimate_report.h"
 #include "object_tracking/trackers/object_tracker.h"
 #include "scene/scene.h"
 #include "truth/truth.h"
@@ -25,8 +26,14 @@ struct Place {
 };
 using IsCovered = std::function<bool(const Place&)>;
 
-// The pictures with lime where they are covered; YUYV.
-std::vector<capture::FrameSet> covered(std::vector<capture::FrameSet> film, const IsCovered& is_covered) {
+struct Chroma {
+  std::uint8_t blue, red;
+};
+constexpr Chroma of_lime{75, 85}, of_grey{128, 128};
+
+// The pictures with this colour where they are covered; YUYV.
+std::vector<capture::FrameSet> covered(std::vector<capture::FrameSet> film, const IsCovered& is_covered,
+                                       Chroma by = of_lime) {
   for (capture::FrameSet& set : film) {
     for (std::size_t c = 0; c < set.frames.size(); ++c) {
       const capture::Image image = set.frames[c]->pixels;
@@ -36,7 +43,7 @@ std::vector<capture::FrameSet> covered(std::vector<capture::FrameSet> film, cons
         std::copy_n(image.planes[0].data + v * image.planes[0].stride, 2 * image.width, row);
         for (int u = 0; u < image.width; u += 2) {
           const Place place{int(c), capture::seconds(set.at), double(u) / image.width, double(v) / image.height};
-          if (is_covered(place)) row[2 * u] = row[2 * u + 2] = 120, row[2 * u + 1] = 75, row[2 * u + 3] = 85;
+          if (is_covered(place)) row[2 * u] = row[2 * u + 2] = 120, row[2 * u + 1] = by.blue, row[2 * u + 3] = by.red;
         }
       }
       set.frames[c]->pixels = out.image;
@@ -151,6 +158,40 @@ TEST(TouchedObject, isTracked) {
   const Answers answers = answers_of(scene, render(scene, {.set_count = 90}), target, from_s);
   EXPECT_EQ(answers.tracking, 30);
   EXPECT_EQ(answers.wrong, 0);
+}
+
+// A hand hides the same side of a ball in all views: the views agree, and the position follows what is left of the
+// ball.
+TEST(HeldObject, isAsUnsureAsItIsHidden) {
+  constexpr double radius_m = 0.1, held_s = 2;
+  const Vector3d place(0, 0, 1);
+  const scene::Scene scene =
+      scene::SceneBuilder{}
+          .cameras_on_ring({.count = 3, .image_size = {640, 480}, .focal_px = 700})
+          .ball({.radius_m = radius_m,
+                 .path = [=](double t) -> Vector3d { return place + Vector3d(0.05 * std::sin(t), 0, 0); }})
+          .build();
+  const auto is_held = [&](const Place& at) {
+    const auto px = scene.rig.cameras[std::size_t(at.camera)].project_world(place);
+    return at.t_s > held_s && 480 * at.v > px->px.y();
+  };
+  TargetOptions target;
+  target.color = {65, 115, 0.3, 1, 0.1, 0.95};
+  target.name = "lime";
+  target.radius_m = radius_m;
+  target.shape = TargetShape::blob;
+  const Answers held =
+      answers_of(scene, covered(scene::render(scene, {.set_count = 120}), is_held, of_grey), target, 2.2);
+  EXPECT_GT(held.tracking, 30);
+  EXPECT_LT(held.nees, 8);
+}
+
+TEST(HiddenError, isTheWeightedMeanOfTheViews) {
+  std::vector<Sighting> sightings(2);
+  sightings[0].covariance = Eigen::Matrix2d::Identity(), sightings[0].missing = 0.5;
+  sightings[1].covariance = 4 * Eigen::Matrix2d::Identity();
+  EXPECT_DOUBLE_EQ(hidden_error(sightings), sighting_tuning.cut_error * 0.5 / 1.25);
+  EXPECT_EQ(hidden_error({}), 0);
 }
 
 }  // namespace
