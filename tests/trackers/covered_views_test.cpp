@@ -183,7 +183,7 @@ TEST(HeldObject, isAsUnsureAsItIsHidden) {
   const Answers held =
       answers_of(scene, covered(scene::render(scene, {.set_count = 120}), is_held, of_grey), target, 2.2);
   EXPECT_GT(held.tracking, 30);
-  EXPECT_LT(held.nees, 8);
+  EXPECT_LT(held.nees, 5);  // 3.2; 8.6 if what is hidden did not count
 }
 
 TEST(HiddenError, isTheWeightedMeanOfTheViews) {

@@ -13,11 +13,6 @@ using namespace object_tracking;
 
 namespace {
 
-struct SearchTuning {
-  int max_discs = 4;  // discs in a row that one region may be of
-};
-constexpr SearchTuning search_tuning{};
-
 // count: objects that may be in a row.
 const std::vector<color::ColorRegion>& whole_regions(color::RegionFinder& finder, color::MatchBits& matches,
                                                      const SizeInView& size, int count,
@@ -25,7 +20,7 @@ const std::vector<color::ColorRegion>& whole_regions(color::RegionFinder& finder
   const double usual = std::sqrt(size.smallest_px * size.largest_px);
   const int step = std::max(1, int(std::numbers::sqrt2 * size.smallest_px));  // no disc is between points
   const int min_area = std::max(2, int(sighting_tuning.min_disc_share * disc_area(size.smallest_px)));
-  const int largest = int(std::ceil(2 * size.largest_px * std::min(count, search_tuning.max_discs))) + 2;
+  const int largest = int(std::ceil(2 * size.largest_px * count)) + 2;
   return finder.components(matches, step, also, int(2 * usual) + 2, largest, min_area);
 }
 
