@@ -8,15 +8,6 @@ namespace huetrack::object_trackers {
 
 using namespace object_tracking;
 
-namespace {
-
-struct PublishedObjectsTuning {
-  double longest_outside_of_coast = 0.5;  // an object outside of the volume ends after this share of coast_s
-};
-constexpr PublishedObjectsTuning published_objects{};
-
-}  // namespace
-
 void PublishedObjects::report(const capture::FrameSet& set, const TargetViews& views, const ViewConsistency& agreement,
                               const ObjectFilter& times, TrackedObjects& objects, std::vector<ObjectEstimate>& out) {
   out.clear();
@@ -35,8 +26,7 @@ void PublishedObjects::report(const capture::FrameSet& set, const TargetViews& v
     const bool is_birth = !object->is_published;
     if (is_birth && !is_to_publish(*object, agreement, published, further_at)) continue;
     const bool is_end =
-        object->state == TrackState::lost ||
-        capture::seconds(set.at - object->last_inside) > published_objects.longest_outside_of_coast * options_.coast_s;
+        object->state == TrackState::lost || capture::seconds(set.at - object->last_inside) > options_.coast_s;
     const TrackState state = is_end ? TrackState::lost : is_inside ? object->state : TrackState::coasting;
     out.push_back(object_trackers::report({.set = set,
                                            .views = views,
