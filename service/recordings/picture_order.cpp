@@ -25,7 +25,7 @@ void PictureOrder::failed() {
   if (takes_earliest_) give_waiting();
   if (!takes_earliest_ || pending_.empty()) return;  // otherwise its own stamp tells, when a later one is shown
   last_ = pending_.front().stamp;
-  decided_.push_back({pending_.front().stamp + shift_, nullptr});
+  place({last_, nullptr});
   pending_.erase(pending_.begin());
 }
 
@@ -63,7 +63,7 @@ void PictureOrder::show_earliest(std::optional<std::int64_t> stamp, capture::Fra
     give_waiting();
     if (unstamped_ == 0) return;  // failed() gave it up
     --unstamped_;
-    decided_.push_back({std::nullopt, std::move(frame)});
+    place({std::nullopt, std::move(frame)});
     return;
   }
   waiting_.push_back(std::move(frame));
@@ -81,25 +81,87 @@ void PictureOrder::give_waiting() {
     if (step > 0) step_ = std::min(step_.value_or(step), step);
   }
   for (bool is_first = true; capture::FramePtr & frame : std::exchange(waiting_, {})) {
-    judge_gap(std::exchange(is_first, false) ? ahead : 0);
+    const std::int64_t waits = waits_before(std::exchange(is_first, false) ? ahead : 0);
     last_ = pending_.front().stamp;
-    decided_.push_back({*last_ + shift_, std::move(frame)});
     pending_.erase(pending_.begin());
-    ++given_;
+    place({last_, std::move(frame), waits});
   }
   longest_run_ = std::max(longest_run_, ahead);
+  if (longest_run_ > 0) settle();
 }
 
 // Before the earliest stamp that is pending. ahead: pictures that are shown before the one that was coded with it.
-void PictureOrder::judge_gap(std::size_t ahead) {
-  if (!last_ || !step_) return;
+std::int64_t PictureOrder::waits_before(std::size_t ahead) {
+  const bool has_waited = longest_run_ == 0 || lead_ >= 0;
+  if (!last_ || !step_ || ahead <= longest_run_ || !has_waited) return 0;
   const std::int64_t missing = pending_.front().stamp - *last_ - *step_;
-  if (2 * missing <= *step_) return;
-  const std::int64_t kept_back = ahead > longest_run_ ? static_cast<std::int64_t>(ahead - longest_run_) : 0;
-  if (2 * missing <= (2 * kept_back + 1) * *step_)
-    shift_ -= missing, taken_out_ += missing;
-  else if (gaps_.count++ == 0)
-    gaps_.first_after = given_;
+  const std::int64_t waits = (2 * missing + *step_ - 1) / (2 * *step_);
+  return std::clamp<std::int64_t>(waits, 0, static_cast<std::int64_t>(ahead - longest_run_));
+}
+
+void PictureOrder::place(Ordered picture) {
+  if (!is_unsettled_) {
+    assign(std::move(picture));
+    return;
+  }
+  unsettled_.push_back(std::move(picture));
+  if (unsettled_.back().waits > 0 || unsettled_.size() > most_reordered) settle();
+}
+
+// An encoder that is called waits before its first B frames.
+void PictureOrder::settle() {
+  if (!std::exchange(is_unsettled_, false)) return;
+  if (unsettled_.empty() || unsettled_.back().waits == 0) lead_ = -decoder_delay_;
+  for (Ordered& picture : std::exchange(unsettled_, {})) assign(std::move(picture));
+}
+
+void PictureOrder::assign(Ordered picture) {
+  if (picture.waits > 0) {
+    if (lead_ < 0) lead_ = offset_ = 0;
+    lead_ += picture.waits;
+    taken_out_ += picture.waits * *step_;
+  }
+  if (const auto stamp = picture.stamp) {
+    const std::int64_t shown = ordered_++ + lead_;
+    if (!first_) first_ = stamp;
+    if (shown <= 0) offset_ = *stamp - *first_;
+    while (timed_ < shown) add_time(last_time_.value_or(*first_) + (last_time_ ? *step_ : 0));
+    if (timed_ == std::max<std::int64_t>(shown, 0)) add_time(*stamp - offset_);
+  }
+  untimed_.push_back(std::move(picture));
+  give_timed();
+}
+
+void PictureOrder::add_time(std::int64_t time) {
+  if (last_time_ && step_ && 2 * (time - *last_time_ - *step_) > *step_ && gaps_.count++ == 0)
+    gaps_.first_after = given_ + timed_;
+  last_time_ = time;
+  times_.push_back(time);
+  ++timed_;
+}
+
+void PictureOrder::give_timed() {
+  while (!untimed_.empty() && (!untimed_.front().stamp || !times_.empty())) {
+    Ordered picture = std::move(untimed_.front());
+    untimed_.pop_front();
+    if (picture.stamp) {
+      picture.stamp = times_.front() + shift_;
+      times_.pop_front();
+    }
+    decided_.push_back({picture.stamp, std::move(picture.frame)});
+  }
+}
+
+// The times of the last pictures are not in the file.
+void PictureOrder::end_earliest() {
+  give_waiting();
+  if (repeats_ && !pending_.empty()) pending_.pop_back();  // the first repeated stamp's own is one too many
+  for (const Sent& lost : std::exchange(pending_, {})) place({lost.stamp, nullptr});
+  settle();
+  while (!untimed_.empty()) {
+    add_time(*last_time_ + step_.value_or(1));
+    give_timed();
+  }
 }
 
 // Stamps are right: what is pending before them was lost.
@@ -155,6 +217,7 @@ void PictureOrder::give_lost_before(const Sent& picture) {
 
 void PictureOrder::take_decoding_order() {
   takes_earliest_ = is_decoding_order_ = true;
+  last_time_ = last_;
   auto held = std::exchange(held_, {});
   for (const Held& picture : held)
     pending_.insert(std::ranges::upper_bound(pending_, picture.sent.place(), {}, &Sent::place), picture.sent);
@@ -166,12 +229,11 @@ void PictureOrder::take_decoding_order() {
 
 void PictureOrder::end() {
   if (takes_earliest_)
-    give_waiting();
+    end_earliest();
   else
     decide();
-  if (repeats_ && !pending_.empty()) pending_.pop_back();  // the first repeated stamp's own is one too many
   for (const Sent& lost : std::exchange(pending_, {}))
-    if (takes_earliest_ || !lost.is_trimmed) decided_.push_back({lost.stamp + shift_, nullptr});
+    if (!lost.is_trimmed) decided_.push_back({lost.stamp + shift_, nullptr});
   for (; unstamped_ > 0; --unstamped_) decided_.push_back({std::nullopt, nullptr});
 }
 

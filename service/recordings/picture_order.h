@@ -1,10 +1,13 @@
 // Which time stamp a picture has. Decoders return pictures in the order in which they are shown; packets come in the
 // order of decoding, some with wrong time stamps. In a sound file a picture's own stamp is the earliest of those sent
 // and not shown yet. A later one means that pictures were lost, or that the stamps are in the order of decoding; that
-// is known once an earlier one is shown or enough pictures have passed. Encoders that stamp packets as they write them
-// wait for the pictures that B frames need, so those stamps have gaps: one wherever more pictures in a row than before
-// are shown before the one that was coded first. Such a gap comes again before the key picture where films were joined.
-// These are taken out. Private to this module.
+// is known once an earlier one is shown or enough pictures have passed. Such stamps are those of showing, in ascending
+// order, at other pictures:
+// - Times of decoding (FFmpeg's AVI and ASF): a stamp is that of the picture shown as many before as decoding delays.
+// - Times at which the encoder was called (XviD, Video for Windows): it waits for the pictures that B frames need, so
+//   there is a gap wherever more pictures in a row than before are shown before the one that was coded first. It is no
+//   time, and from there on a stamp is that of the picture shown as many later as the encoder has waited for.
+// Before the key picture where films were joined the delay comes again; it is taken out. Private to this module.
 #pragma once
 
 #include <cstdint>
@@ -25,8 +28,12 @@ class PictureOrder {
     capture::FramePtr frame;  // null: it was sent, and never shown
   };
 
-  // Before the first packet: the container (AVI) has no times of showing, its stamps count packets.
-  void count_packets() { takes_earliest_ = true; }
+  // Before the first packet: the container (AVI, ASF) has no times of showing. delay: pictures, of its decoder.
+  void take_times_of_decoding(int delay) {
+    takes_earliest_ = true;
+    decoder_delay_ = delay;
+    is_unsettled_ = delay > 0;
+  }
 
   // Two packets have the same stamp, which is that of one of them: each picture gets the earliest, from here on.
   void stamps_repeat() {
@@ -81,9 +88,20 @@ class PictureOrder {
     Sent sent;
     capture::FramePtr frame;
   };
+  struct Ordered {  // in the order shown, with a stamp that may be another picture's
+    std::optional<std::int64_t> stamp;
+    capture::FramePtr frame;
+    std::int64_t waits = 0;  // pictures for which the encoder waited before it
+  };
   void show_earliest(std::optional<std::int64_t> stamp, capture::FramePtr frame);
   void give_waiting();
-  void judge_gap(std::size_t ahead);
+  std::int64_t waits_before(std::size_t ahead);
+  void place(Ordered picture);
+  void settle();
+  void assign(Ordered picture);
+  void add_time(std::int64_t time);
+  void give_timed();
+  void end_earliest();
   void judge_joint(const Sent& picture);
   void give_lost_before(const Sent& picture);
   void decide();
@@ -98,7 +116,7 @@ class PictureOrder {
   bool is_decoding_order_ = false;
   bool repeats_ = false;
   bool has_given_ = false;              // a picture that is not trimmed
-  std::optional<std::int64_t> last_;    // stamp given, before the shift
+  std::optional<std::int64_t> last_;    // stamp used, before the shift
   std::optional<std::int64_t> step_;    // between two
   std::int64_t shift_ = 0, given_ = 0;  // pictures
   std::int64_t taken_out_ = 0;          // of gaps
@@ -106,6 +124,16 @@ class PictureOrder {
   Joints joints_;
   Gaps gaps_;
   // Of stamps in the order of decoding:
+  int decoder_delay_ = 0;
+  bool is_unsettled_ = false;  // times of decoding, or of the encoder's calls
+  std::deque<Ordered> unsettled_;
+  std::int64_t ordered_ = 0, lead_ = 0;  // stamps; the pictures by which theirs is shown later
+  std::optional<std::int64_t> first_;    // stamp
+  std::int64_t offset_ = 0;              // of times of decoding
+  std::deque<Ordered> untimed_;          // with a stamp, or none
+  std::deque<std::int64_t> times_;       // of the first ones of untimed_
+  std::int64_t timed_ = 0;               // pictures
+  std::optional<std::int64_t> last_time_;
   std::deque<capture::FramePtr> waiting_;  // shown, undecided: one that was sent before them is not
   std::optional<std::int64_t> latest_;     // of their own stamps
   std::size_t longest_run_ = 0;            // of pictures shown before one that was sent before them

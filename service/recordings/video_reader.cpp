@@ -161,7 +161,7 @@ struct VideoReader::Impl {
       const std::string_view container = format->iformat->name;
       is_avi = container == "avi";
       has_stamps = !has_no_stamps(*format->iformat);
-      if (is_avi) order.count_packets();
+      if (is_avi) order.take_times_of_decoding(stream->codecpar->video_delay);
       if (!joined) order.expect_delay(stream->codecpar->video_delay);  // FFmpeg has not joined our parts
       count_listed_packets(container);
       // A transport or program stream's clock begins anywhere: players begin at its first picture.
@@ -287,7 +287,7 @@ struct VideoReader::Impl {
   void use_times_of_decoding() {
     if (packets == 1 && packet->pts == AV_NOPTS_VALUE && packet->dts != AV_NOPTS_VALUE && has_stamps) {
       has_only_times_of_decoding = true;
-      order.count_packets();
+      order.take_times_of_decoding(stream->codecpar->video_delay);
     }
     if (has_only_times_of_decoding) packet->pts = packet->dts;
   }
@@ -595,12 +595,6 @@ struct VideoReader::Impl {
 
   void end() {
     ended = true;
-    if (has_only_times_of_decoding && !is_regular && stream->codecpar->video_delay > 0 && camera.fps == 0 &&
-        camera.timestamps.empty())
-      warnings.push_back(camera.frames.string() +
-                         ": has only times of decoding, which are not even: those of showing are wrong around every "
-                         "gap, by up to " +
-                         std::to_string(stream->codecpar->video_delay) + " frames: give timestamps");
     // An empty chunk of an AVI stands for a picture that was dropped.
     if (const auto gaps = order.gaps();
         is_avi && gaps.count > 0 && !damaged && camera.fps == 0 && camera.timestamps.empty())

@@ -69,12 +69,13 @@ TEST(PictureOrder, StampsInTheOrderOfDecodingAreGivenInTheOrderShown) {  // I P 
   EXPECT_TRUE(order.had_stamps_of_decoding());
 }
 
-// XviD: I P B, from packets 0, 2, 3; later I P B B, which keeps back one more: a gap of as many packets.
+// XviD: I P B, from packets 0, 2, 3; later I P B B, which keeps back one more: a gap of as many packets. From there on
+// the stamp of a picture comes two earlier.
 TEST(PictureOrder, GapsOfAnEncoderThatWaitsAreNoDroppedFrames) {
   for (const bool are_counted : {true, false})
     for (const int dropped : {0, 5}) {
       PictureOrder order;
-      if (are_counted) order.count_packets();
+      if (are_counted) order.take_times_of_decoding(0);
       const std::vector<int> shown{0, 2, 1, 4, 3, 7, 5, 6, 10, 8, 9, 13, 11, 12};  // as they are coded
       std::int64_t stamp = 0;
       std::optional<std::pair<Stamp, int>> reference;
@@ -95,10 +96,37 @@ TEST(PictureOrder, GapsOfAnEncoderThatWaitsAreNoDroppedFrames) {
       const auto pictures = taken(order);
       ASSERT_EQ(pictures.size(), shown.size());
       for (int k = 0; k < int(pictures.size()); ++k)
-        EXPECT_EQ(pictures[std::size_t(k)], std::pair(Stamp(k + (k > 10 ? dropped : 0)), k + 1)) << are_counted;
+        EXPECT_EQ(pictures[std::size_t(k)], std::pair(Stamp(k + (k > 12 ? dropped : 0)), k + 1)) << are_counted;
       EXPECT_EQ(order.gaps().count, dropped > 0 ? 1 : 0);
-      EXPECT_EQ(order.gaps().first_after, dropped > 0 ? 11 : 0);
+      EXPECT_EQ(order.gaps().first_after, dropped > 0 ? 13 : 0);
       EXPECT_EQ(order.taken_out(), 2);
+    }
+}
+
+// I P B B in an AVI of FFmpeg: a stamp is that of the picture shown as many before as the decoder's delay. The last
+// ones are in no file.
+TEST(PictureOrder, TimesOfDecodingAreThoseOfPicturesShownBefore) {
+  for (const int delay : {1, 2})
+    for (const int first_dropped : {2, 3, 6, 9}) {
+      const auto time = [&](int shown) { return std::int64_t(shown + (shown >= first_dropped ? 5 : 0)); };
+      PictureOrder order;
+      order.take_times_of_decoding(delay);
+      const std::vector<int> coded{0, 3, 1, 2, 6, 4, 5, 9, 7, 8, 12, 10, 11};
+      const auto stamp = [&](int k) { return k < delay ? time(k) : time(delay) + time(k - delay); };
+      for (int k = 0; k < int(coded.size()); ++k) {
+        order.sent(stamp(k));
+        if (k == 1) order.shown(stamp(0), frame(1));
+        if (k >= 2 && coded[std::size_t(k)] % 3 != 0) order.shown(stamp(k), frame(coded[std::size_t(k)] + 1));
+        if (k >= 4 && k % 3 == 1) order.shown(stamp(k - 3), frame(coded[std::size_t(k - 3)] + 1));
+      }
+      order.shown(stamp(10), frame(13));
+      order.end();
+      const auto pictures = taken(order);
+      ASSERT_EQ(pictures.size(), coded.size());
+      for (int k = 0; k < int(pictures.size()); ++k)
+        EXPECT_EQ(pictures[std::size_t(k)], std::pair(Stamp(time(k)), k + 1)) << delay << first_dropped;
+      EXPECT_EQ(order.gaps().count, 1);
+      EXPECT_EQ(order.gaps().first_after, first_dropped);
     }
 }
 
@@ -123,7 +151,7 @@ TEST(PictureOrder, TrimmedPicturesAreLeftOut) {
 
 TEST(PictureOrder, CountedPacketsGiveTheEarliestStamp) {  // I P B B in AVI
   PictureOrder order;
-  order.count_packets();
+  order.take_times_of_decoding(0);
   order.sent(0), order.sent(1), order.shown(std::nullopt, frame(1));
   order.sent(2), order.shown(2, frame(2));
   order.sent(3), order.failed();
