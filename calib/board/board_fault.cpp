@@ -80,11 +80,30 @@ Variants rearranged(const Board& board, MarkersInImages& images) {
   }
   // Where a part of the board explains several, the first of them is named: the fewest changes.
   if (board.first_marker != 0) add([](Board& b) { b.first_marker = 0; });
-  for (const int more_columns : {0, -1, 1, -2, 2, -3, 3}) {
-    for (const int more_rows : {0, -1, 1})
-      add([&](Board& b) { b.columns = std::max(1, b.columns + more_columns), b.rows += more_rows; });
+  for (const bool turns_legacy : {false, true}) {
+    for (const int more_columns : {0, -1, 1, -2, 2, -3, 3}) {
+      for (const int more_rows : {0, -1, 1}) {
+        const int rows = board.rows + more_rows;
+        const bool has_legacy = board.type == BoardType::charuco && rows % 2 == 0;
+        if (turns_legacy && !has_legacy) continue;  // of odd rows it is the same board
+        add([&](Board& b) {
+          b.columns = std::max(1, b.columns + more_columns), b.rows = rows, b.legacy = b.legacy != turns_legacy;
+        });
+      }
+    }
   }
   add_first_markers(board, images, changed);
+  return changed;
+}
+
+// A grid also with the other border, with which a few markers are read, too.
+Variants rearranged_in_borders(const Board& board, MarkersInImages& images) {
+  Variants changed = rearranged(board, images);
+  if (board.type != BoardType::aruco_grid) return changed;
+  Board other = board;
+  other.border_bits = board.border_bits == 1 ? 2 : 1;
+  changed.push_back(other);
+  std::ranges::copy(rearranged(other, images), std::back_inserter(changed));
   return changed;
 }
 
@@ -195,7 +214,7 @@ std::string fitting_board_file(const Board& board, const std::vector<GreyPixels>
   Explained explained = in_images.by(board);
   const int given = explained.score();
   // Two changes at most, each of them the best one.
-  for (const auto& variants : {rearranged, recoded, rearranged}) {
+  for (const auto& variants : {rearranged_in_borders, recoded, rearranged}) {
     if (explained.is_all() && explained.score() > given) break;
     const Board start = best;
     for (const Board& other : variants(start, in_images)) {

@@ -165,6 +165,17 @@ std::optional<Hexadecimal> hexadecimal_numbers(const std::vector<fs::path>& file
   return !last_letters.empty() && (numbers.is_dense || takes_most) ? std::optional(numbers) : std::nullopt;
 }
 
+// As those of UUIDs and hashes.
+bool most_differ_in_letters(const std::vector<fs::path>& files) {
+  std::set<std::string> texts;
+  for (const fs::path& file : files) {
+    std::string text = skeleton_of(without_extension(file.native()));
+    std::erase_if(text, [](char c) { return c == '-' || c == '+'; });  // may be signs
+    texts.insert(std::move(text));
+  }
+  return 2 * texts.size() > files.size();
+}
+
 // How the names of one series are read.
 class NameOrder {
  public:
@@ -266,6 +277,7 @@ class NameOrder {
     });
     for (const auto& [text, seen] : places) {
       if (seen.negative == nullptr || !seen.has_other) continue;
+      if (!goes_on_across_zero(seen.values) && most_differ_in_letters(files)) return;
       if (!goes_on_across_zero(seen.values))
         throw ConfigError(*seen.negative, 0,
                           "has a - before its number, which other names do not have, and the numbers do not go on from "
@@ -462,11 +474,9 @@ bool hold_an_order(const std::vector<fs::path>& files) {
   }
   const std::string_view first = without_extension(files.front().native());
   std::string common = skeleton_of(first);
-  std::set<std::string> skeletons;
   for (const fs::path& file : files) {
     const std::string skeleton = skeleton_of(without_extension(file.native()));
     common.resize(static_cast<std::size_t>(std::ranges::mismatch(common, skeleton).in1 - common.begin()));
-    skeletons.insert(skeleton);
   }
   std::set<std::vector<double>> places;  // by the numbers in the text that all have
   for (const fs::path& file : files) {
@@ -480,7 +490,7 @@ bool hold_an_order(const std::vector<fs::path>& files) {
       }
     places.insert(std::move(numbers));
   }
-  return 2 * skeletons.size() <= files.size() || 2 * places.size() > files.size();
+  return !most_differ_in_letters(files) || 2 * places.size() > files.size();
 }
 
 std::vector<fs::path> letters_in_numbers(const std::vector<fs::path>& files) {

@@ -235,7 +235,18 @@ std::vector<std::string> early_ends(const std::vector<recordings::ReplayCamera>&
     if (!figures[c].last_captured || cameras[c].frame_period <= 0ns) continue;
     const double short_s = capture::seconds(*last - *figures[c].last_captured);
     const long frames = std::lround(short_s / capture::seconds(cameras[c].frame_period));
-    if (frames < 2) continue;  // a difference of one frame is usual
+    if (frames < 2) continue;                 // a difference of one frame is usual
+    auto others = capture::Timestamp::max();  // their beginning
+    for (std::size_t other = 0; other < cameras.size(); ++other)
+      if (other != c && cameras[other].first_at) others = std::min(others, *cameras[other].first_at);
+    if (*figures[c].last_captured < others) {
+      sentences.push_back(fmt::format(
+          "{} ended at {:.3f} s, before another camera began, at {:.3f} s: their times are of different clocks, as of "
+          "one since 1970 and one since its start, or wrong (fps, offset_s, timestamps)",
+          cameras[c].name, capture::seconds(figures[c].last_captured->time_since_epoch()),
+          capture::seconds(others.time_since_epoch())));
+      continue;
+    }
     sentences.push_back(
         fmt::format("{} ended early: {} frames ({:.3f} s) short of the others", cameras[c].name, frames, short_s));
   }

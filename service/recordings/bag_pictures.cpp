@@ -59,6 +59,14 @@ constexpr std::array<RosEncoding, 27> ros_encodings{{
     {"bayer_bggr16", AV_PIX_FMT_BAYER_BGGR16LE, AV_PIX_FMT_BAYER_BGGR16BE},
 }};
 
+// Packets of a film, of which most are no pictures on their own: by FFmpeg's name, or a start code (Annex B).
+bool is_of_film(const bags::PictureMessage& picture) {
+  constexpr std::array<std::uint8_t, 4> start_code{0, 0, 0, 1};
+  const AVCodecDescriptor* const codec = avcodec_descriptor_get_by_name(picture.encoding.c_str());
+  return (codec != nullptr && codec->type == AVMEDIA_TYPE_VIDEO && (codec->props & AV_CODEC_PROP_INTRA_ONLY) == 0) ||
+         std::ranges::equal(picture.data.first(std::min(picture.data.size(), start_code.size())), start_code);
+}
+
 std::string names_of(std::span<const bags::CameraTopics> cameras) {
   std::string list;
   for (const auto& camera : cameras) list += (list.empty() ? "" : ", ") + camera.picture.name;
@@ -226,6 +234,7 @@ std::optional<Shown> BagPictures::next() {
       if (image && keeps_encoded_ && is_jpeg(*bytes) && !decoder_.turns()) shown.jpeg = bytes;
       for (const std::string& note : decoder_.take_notes()) warn(note);
       problem_ = decoder_.take_problem() + " (format \"" + files::printable(picture->encoding) + "\")";
+      if (is_of_film(*picture)) problem_ += ", but a part of a film, as H.264: convert these messages to a video";
     } else if (picture) {
       image = raw(*message, *picture);
     }

@@ -113,6 +113,7 @@ class Stream {
     else if (const auto count = reader_->frame_count())
       info_.expected_frames = selection_.count_below(*count);
 
+    const std::size_t warned = warnings_.size();
     // The first frame with an image determines the size; corrupted ones before it are queued.
     while (auto frame = read()) {
       const bool has_image = frame->status == capture::FrameStatus::ok;
@@ -129,7 +130,8 @@ class Stream {
         return;
       }
       throw files::ConfigError(camera_.frames, 0,
-                               "no frame of it can be played (frames of camera " + camera_.name + ")");
+                               "no frame of it can be played (frames of camera " + camera_.name + ")" +
+                                   (warnings_.size() > warned ? ": " + warnings_[warned] : ""));
     }
     info_.first_at = waiting_.front().captured_at;
     judge_depth();

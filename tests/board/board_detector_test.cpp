@@ -379,6 +379,7 @@ std::vector<WrongFile> wrong_files() {
       {"counted_from_one", even, with(even, [](Board& b) { b.first_marker = 1; }), "first_marker: 0"},
       {"numbered_from_the_bottom", bottom, grid, "numbered_from: bottom"},
       {"swapped", swapped, even, "squares: [8, 6]"},
+      {"legacy_and_a_row_less", legacy, with(even, [](Board& b) { b.rows = 7; }), "squares: [6, 8] and legacy: true"},
       {"one_column_more", with(even, [](Board& b) { b.columns = 7; }), even, "squares: [7, 8]"},
       {"inverted", with(even, [](Board& b) { b.inverted = true; }), even, "inverted: true"},
       {"inverted_and_legacy", with(legacy, [](Board& b) { b.inverted = true; }), even,

@@ -18,6 +18,7 @@ struct CombFilm {
   bool has_blind = false;     // a background of stripes, two rows each
   double step_px = 6;         // of the disc, a field
   bool mixes_colors = false;  // i420, nv12: both fields are in every row of colours
+  double color = 60;          // levels: of the disc's colours beside the background's
 };
 
 // A bright disc that moves to the right, one picture every two fields.
@@ -49,7 +50,7 @@ inline Image comb_picture(const CombFilm& film, int k, std::mt19937_64& random) 
       };
       const bool is_late = film.rows != CombRows::progressive && (v % 2 == 0) != (film.rows == CombRows::top_first);
       const double share = film.mixes_colors ? (inside(false) + inside(true)) / 2 : inside(is_late);
-      const auto level = static_cast<std::uint8_t>(128 + 60 * share);
+      const auto level = static_cast<std::uint8_t>(128 + film.color * share);
       for (int plane = 1; plane <= planes; ++plane)
         for (int i = 0; i < 3 - planes; ++i)
           made.data[std::size_t(plane)][v * made.image.planes[std::size_t(plane)].stride + (3 - planes) * u + i] =

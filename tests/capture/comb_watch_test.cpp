@@ -57,14 +57,22 @@ TEST(CombWatch, NamesStatedFieldsOfAFilmThatIsNotInterlaced) {
   EXPECT_FALSE(watched({.noise = 30, .step_px = 0}, 80, StatedFields{}));
 }
 
-// A combed film that a program took for progressive: no field has its own colours.
+// A combed film that a program took for progressive: no field has its own colours. Codecs leave weak ones.
 TEST(CombWatch, NamesMixedColors) {
-  for (const PixelFormat format : {PixelFormat::i420, PixelFormat::nv12}) {
-    const CombFilm mixed{.format = format, .rows = CombRows::top_first, .mixes_colors = true};
-    EXPECT_THAT(watched(mixed, 300, StatedFields{}), testing::Optional(HasSubstr("colours are mixed")));
-    EXPECT_THAT(watched(mixed, 300), testing::Optional(HasSubstr("add fields: top")));
-    EXPECT_FALSE(watched({.format = format, .rows = CombRows::top_first}, 300, StatedFields{}));
-  }
+  for (const PixelFormat format : {PixelFormat::i420, PixelFormat::nv12})
+    for (const double color : {60., 15.}) {
+      CombFilm film{.format = format, .rows = CombRows::top_first, .mixes_colors = true, .color = color};
+      EXPECT_THAT(watched(film, 40, StatedFields{}), testing::Optional(HasSubstr("colours are mixed"))) << color;
+      EXPECT_THAT(watched(film, 40), testing::Optional(testing::AllOf(HasSubstr("colours are mixed"),
+                                                                      testing::Not(HasSubstr("add fields")))))
+          << color;
+      film.mixes_colors = false;
+      EXPECT_FALSE(watched(film, 300, StatedFields{})) << color;
+      EXPECT_THAT(watched(film, 40), testing::Optional(HasSubstr("add fields: top"))) << color;
+    }
+  const CombFilm grey{.rows = CombRows::top_first, .mixes_colors = true, .color = 0};
+  EXPECT_FALSE(watched(grey, 300, StatedFields{}));
+  EXPECT_THAT(watched(grey), testing::Optional(HasSubstr("add fields: top")));
 }
 
 TEST(CombWatch, NamesNoProgressiveFilm) {

@@ -112,6 +112,15 @@ TEST_F(EndToEnd, VideosWithoutARecordingFileGiveTheSameTrack) {
   EXPECT_THAT(one.err, HasSubstr("cam0.mkv: has no camera cam1: it has cam0, and the rig has"));
 }
 
+TEST_F(EndToEnd, TimesOfTwoClocksAreNoEarlyEnd) {
+  const std::string two = write("version: 1\ncameras:\n  cam0: {frames: " + recording +
+                                    "/cam0.mkv}\n  cam1: {frames: " + recording + "/cam1.mkv, offset_s: 2000}\n",
+                                "two.yaml");
+  const Result result = run({HUETRACKD, "replay", config, two, "--no-dds"});
+  EXPECT_THAT(result.out, HasSubstr("cam0 ended at 4.967 s, before another camera began, at 2000.000 s"));
+  EXPECT_THAT(result.out, Not(HasSubstr("ended early")));
+}
+
 TEST_F(EndToEnd, TheNumberOfThreadsChangesNothing) {
   const std::string three_targets = write("version: 1\nrig: " + recording +
                                               "/rig.yaml\ntargets:\n"

@@ -97,6 +97,13 @@ TEST(FileOrder, AMinusThatMayBeBothIsRefused) {
     }
 }
 
+// The first two look like a number with and without a sign.
+TEST(FileOrder, AMinusInRandomNamesIsNone) {
+  const std::vector<std::filesystem::path> files{"00670dba-5898.png", "0067dba8-5898.png", "025b413f-8a9a.png",
+                                                 "b2c30ab1-9d0c.png"};
+  EXPECT_FALSE(hold_an_order(sorted(files)));
+}
+
 std::string hexadecimal(int number, int width = 0) {
   char text[16];
   std::snprintf(text, sizeof(text), "%0*x", width, unsigned(number));

@@ -356,6 +356,25 @@ TEST_F(BagRecording, PlaysFoxglovesPicturesInProtobuf) {
   EXPECT_EQ(played.at_ns.at(0).back(), first_ns + (bag_frames - 1) * 1000);
 }
 
+TEST_F(BagRecording, NamesAFilmInMessagesOfPictures) {
+  const auto bag_of = [&](const std::string& format, const std::string& picture) {
+    std::vector<WrittenMessage> messages;
+    for (int k = 0; k < bag_frames; ++k)
+      messages.push_back({"/left", "sensor_msgs/msg/CompressedImage", first_ns + k * period_ns,
+                          compressed_image({}, first_ns + k * period_ns, format, picture)});
+    return write("a.mcap", mcap_of(messages));
+  };
+  const auto error_with = [&](const std::string& format, const std::string& picture) {
+    return error_of([&] { play(bag_of(format, picture), {"left"}); });
+  };
+  const std::string key{"\0\0\0\1\x67", 5};
+  for (const std::string format : {"h264", "h265", "av1"})
+    EXPECT_THAT(error_with(format, format == "av1" ? "\x12" : key),
+                AllOf(HasSubstr("no frame of it can be played"), HasSubstr("format \"" + format),
+                      HasSubstr("convert these messages to a video")));
+  EXPECT_THAT(error_with("jpeg", "none"), AllOf(HasSubstr("neither JPEG"), testing::Not(HasSubstr("video"))));
+}
+
 // ---- Damage: what is shown is right, and a message says what is missing.
 
 TEST_F(BagRecording, PlaysACutOffBagUpToTheCut) {

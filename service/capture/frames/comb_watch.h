@@ -19,9 +19,9 @@ struct CombEvidence {
   double field_curvature = 0;                         // the same, two rows up and down: within one field
   double top_after_bottom = 0, bottom_after_top = 0;  // difference of each field's rows from the other's before
   std::int64_t moving = 0;                            // pixels
-  // Of the colours' own rows, where a row of theirs stands for two of the picture (4:2:0).
+  // Of the colours' own rows, where a row of theirs stands for two of the picture (4:2:0) and the picture is combed.
   double color_row_curvature = 0, color_field_curvature = 0;
-  std::int64_t color_moving = 0;  // samples
+  std::int64_t color_combed = 0;  // samples
 
   // Curvature falls with the distance in films (0.34 to 0.55 in all of ours), is equal in noise (1), and rises with
   // fields (1.27 to 2.7).
@@ -59,6 +59,7 @@ class CombWatch {
   std::int64_t pictures_ = 0, wait_ = 0;  // since the last one that was kept, and up to the next one
   CombEvidence evidence_;
   std::optional<StatedFields> stated_;
+  bool shares_colors_ = false;  // 4:2:0
   bool has_problem_ = false, is_known_ = false;
 };
 
