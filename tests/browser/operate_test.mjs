@@ -142,7 +142,8 @@ async function test() {
   await until("it is saved", async () => /^Saved: lime is now tracked/.test(await says()));
   await until("it is not seen any more", async () => ["searching", "lost"].includes(await state("lime")));
   assert.match(readFileSync(join(folder, "my.taught.yaml"), "utf8"), /radius_m: 0\.055[\s\S]*hue_deg: \[200, 220\]/);
-  assert.equal(await page.textContent("#adjust-undo"), "Undo: colour and radius of lime");
+  await until("the button says what it undoes",
+    async () => (await page.textContent("#adjust-undo")) === "Undo: colour and radius of lime");
   await page.click("#adjust-undo");
   await until("it is undone", async () => /^Undone: colour and radius of lime; my\.taught\.yaml is as it was before the save/.test(await says()));
   await until("it is tracked again", async () => (await state("lime")) === "tracking");
