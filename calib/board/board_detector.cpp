@@ -297,7 +297,7 @@ void measure_markers(const Board& board, const Markers& markers, BoardDetection&
   found.marker_px = calib::median(std::move(sides_px));
 }
 
-// The same of a grid of markers, which has no squares: by the steps from one marker to the next beside or below it.
+// As above, for a grid of markers without squares: by the steps from a marker to the next one beside or below it.
 void measure_grid(const Board& board, const Markers& markers, BoardDetection& found) {
   std::vector<double> sides, sides_px;
   for (const auto& [id, corners] : markers) {

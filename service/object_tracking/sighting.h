@@ -60,7 +60,7 @@ struct Sighting {
   double narrowed = 0;                                // log of the region's length over its width, less the smear
   Eigen::Matrix2d of_pose = Eigen::Matrix2d::Zero();  // px^2, bias by CameraTrust::pose_covariance
   double inflation_px2 = 0;                           // px^2, bias by inconsistency with other views
-  double missing = 0;                                 // share of the area that this camera usually shows
+  double missing = 0;                                 // hidden share of the usual area; measured for one object only
   bool is_cut = false;      // masked static clutter may hide a part of it: excluded from consistency tests
   bool is_outline = false;  // measured by its outline, not by its region's centroid
 

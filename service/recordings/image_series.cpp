@@ -113,7 +113,7 @@ std::string with_any_number(const fs::path& pattern) {
   return (pattern.parent_path() / name).string();
 }
 
-// Whose letters a pattern leaves out: those with digits alone are no series.
+// Throws if the pattern leaves out pictures with letters in a hexadecimal number: the rest is not the series.
 void refuse_a_part_of_hexadecimal(const RecordedCamera& camera, const std::vector<ImageFile>& files) {
   const std::string wider = with_any_number(camera.frames);
   if (wider == camera.frames || camera.trusts_times || !camera.timestamps.empty()) return;

@@ -13,6 +13,11 @@ using namespace object_tracking;
 
 namespace {
 
+struct SearchTuning {
+  double min_area_share = 0.3;  // of the square of the smallest radius that a region of one object must have
+};
+constexpr SearchTuning search_tuning{};
+
 // count: objects that may be in a row.
 const std::vector<color::ColorRegion>& whole_regions(color::RegionFinder& finder, color::MatchBits& matches,
                                                      const SizeInView& size, int count,
@@ -59,15 +64,15 @@ void ObjectSearch::look(const std::vector<TargetView>& views, std::span<const st
     const TargetView& view = views[i];
     const SizeInView& size = size_in_view_[std::size_t(view.index)];
     regions_[i].clear();
-    if (size.largest_px != 0 && count_ == 1 && !is_shared_) {
+    if (size.largest_px == 0) continue;  // no part of the volume is in view
+    if (count_ == 1 && !is_shared_) {    // parts of one object may be joined: a pole before it cuts it in two
       const int step = std::max(1, int(size.smallest_px));
       const int extent = int(std::ceil(sighting_tuning.extent_radii * size.largest_px)) + 2;
-      const int min_area = std::max(2, int(0.3 * size.smallest_px * size.smallest_px));
+      const int min_area = std::max(2, int(search_tuning.min_area_share * size.smallest_px * size.smallest_px));
       regions_[i] =
           finders_[std::size_t(view.index)].search(*view.matches, step, extent, min_area, 2 * size.smallest_px);
       continue;
     }
-    if (size.largest_px == 0) continue;  // no part of the volume is in view
     if (is_shared_ && view.matches->room() != nullptr)
       regions_[i] = disc_finders_[std::size_t(view.index)].find(
           *view.matches, {0, 0, view.image->width - 1, view.image->height - 1}, size.smallest_px, size.largest_px);

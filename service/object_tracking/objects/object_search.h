@@ -24,7 +24,8 @@ class ObjectSearch {
   ObjectSearch(const calib::CameraRig& rig, const object_tracking::TargetOptions& target,
                const object_tracking::Volume& volume);
 
-  // All connected regions that may be objects. also: per view, further pixels whose regions are found; empty: none.
+  // Finds all connected regions that may be objects. also: per view, pixels beyond the grid's where regions are looked
+  // for.
   void look(const std::vector<object_tracking::TargetView>& views,
             std::span<const std::vector<color::PixelAt>> also = {});
   // Of the last look(), one for each of its views.

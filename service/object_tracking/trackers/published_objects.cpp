@@ -24,7 +24,7 @@ void PublishedObjects::report(const capture::FrameSet& set, const TargetViews& v
     const bool is_inside = inside(options_.volume, object->filter.motion().position(), target_.radius_m);
     if (is_inside) object->last_inside = set.at;
     const bool is_birth = !object->is_published;
-    if (is_birth && !is_to_publish(*object, agreement, published, further_at)) continue;
+    if (is_birth && !(is_inside && is_to_publish(*object, agreement, published, further_at))) continue;
     const bool is_end =
         object->state == TrackState::lost || capture::seconds(set.at - object->last_inside) > options_.coast_s;
     const TrackState state = is_end ? TrackState::lost : is_inside ? object->state : TrackState::coasting;
@@ -58,9 +58,7 @@ void PublishedObjects::report(const capture::FrameSet& set, const TargetViews& v
 
 bool PublishedObjects::is_to_publish(TrackedObject& object, const ViewConsistency& agreement, std::ptrdiff_t& published,
                                      std::optional<Eigen::Vector3d>& further_at) {
-  if (object.state == TrackState::lost || !object.existence.is_sure() ||
-      !inside(options_.volume, object.filter.motion().position(), target_.radius_m))
-    return false;
+  if (object.state == TrackState::lost || !object.existence.is_sure()) return false;
   if (object.state == TrackState::coasting && agreement.no_consistent_pair()) return false;
   if (published >= target_.count) {
     further_at = object.filter.motion().position();

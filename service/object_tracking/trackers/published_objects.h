@@ -23,18 +23,20 @@ class PublishedObjects {
   PublishedObjects(const object_tracking::TargetOptions& target, const object_tracking::ObjectTrackerOptions& options)
       : target_(target), options_(options) {}
 
-  // One set's estimates, as of ObjectTracker::update(). times: of none.
+  // The estimates of one set, in the order that ObjectTracker::update() states. times: a filter without an object,
+  // which keeps the cameras' timing.
   void report(const capture::FrameSet& set, const object_tracking::TargetViews& views,
               const object_tracking::ViewConsistency& agreement, const ObjectFilter& times, TrackedObjects& objects,
               std::vector<object_tracking::ObjectEstimate>& out);
 
   void end_all(const TrackedObjects& objects);  // the next set does not continue the last one
-  // Continues the numbering of `before`, whose objects end.
+  // Continues the numbering of `before`, whose objects end with the next report().
   void take_over_from(const PublishedObjects& before, const TrackedObjects& objects);
   // Tracked beyond the target's count.
   const std::optional<Eigen::Vector3d>& further_object() const { return further_.published(); }
 
  private:
+  // Of an object inside of the volume that is not published yet.
   bool is_to_publish(TrackedObject& object, const object_tracking::ViewConsistency& agreement,
                      std::ptrdiff_t& published, std::optional<Eigen::Vector3d>& further_at);
   void note_ended(const TrackedObjects& objects);

@@ -25,7 +25,7 @@ class SharedRegions {
   SharedRegions(std::size_t cameras, const object_tracking::TargetOptions& target,
                 const object_tracking::ObjectTrackerOptions& options);
 
-  // Replaces the sightings of all objects. Objects whose track has ended are not measured.
+  // Measures all objects, and replaces their sightings. An object whose track has ended has none.
   void measure(const std::vector<object_tracking::TargetView>& views, const object_tracking::ViewConsistency& agreement,
                objects::ObjectSearch& search, TrackedObjects& objects, SightingsOf sightings);
   // Of views[i], that no object explains.
