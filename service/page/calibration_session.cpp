@@ -523,7 +523,7 @@ fs::path CalibrationSession::accept(Words words, const config::ServiceConfig& co
     throw;
   }
   stage_ = Stage::accepted;
-  says_ = fmt::format("{} is the rig from now on", place.filename().string());
+  says_ = fmt::format("{} is now the rig", place.filename().string());
   if (options_.log) options_.log(false, "calibration accepted: " + place.string());
   return place;
 }
