@@ -31,6 +31,9 @@ constexpr MotionTuning motion_tuning{};
 
 constexpr Eigen::Index most_states_near = 128;  // layout: 128 kB of covariance
 constexpr std::ptrdiff_t most_open = 8;         // layout: columns of four observations
+constexpr Eigen::Index times_at = 7;            // layout: the readout of the reference camera
+constexpr double least_time_variance_s2 =
+    1e-16;  // maths: of times that are given exactly, so that they have an inverse
 
 double variance_of(const std::optional<double>& value, const std::optional<double>& sigma) {
   const double s = sigma.value_or(value ? motion_tuning.unstated_sigma_s : time_prior.unknown_sigma_s);
@@ -77,6 +80,7 @@ MotionState::MotionState(const calib::CameraRig& rig, bool times_are_learnt) : t
   biases_.resize(given_.size());
   if (has_size()) covariance_(size_at(), size_at()) = motion_tuning.size_sigma * motion_tuning.size_sigma;
   clocks_.resize(given_.size());
+  if (times_are_learnt) set_times_shared();
 }
 
 double MotionState::relative_clock_variance_s2(int camera) const {
@@ -95,6 +99,7 @@ void MotionState::open_clocks(const capture::FrameSet& set) {
   }
   if (is_ours || !times_are_learnt_) return;
   by_nuisances_.reset();
+  Times shared = *shared_times_;
   const int cameras = int(clocks_.size());
   for (int first = 0; first < cameras; ++first) {
     const auto is_of = [&](int c) { return clocks_[std::size_t(c)].of == clocks_[std::size_t(first)].of; };
@@ -108,10 +113,15 @@ void MotionState::open_clocks(const capture::FrameSet& set) {
       wanted = std::max(wanted, relative_clock_variance_s2(c));
     }
     if (wanted <= least) continue;
-    for (int a = first; a < cameras; ++a)
-      for (int b = first; b <= a; ++b)
-        if (is_of(a) && is_of(b)) covariance_(latency_of(a), latency_of(b)) += wanted - least;
+    for (int a = first; a < cameras; ++a) {
+      for (int b = first; b < cameras; ++b) {
+        if (!is_of(a) || !is_of(b)) continue;
+        if (b <= a) covariance_(latency_of(a), latency_of(b)) += wanted - least;
+        shared.covariance(latency_of(a) - times_at, latency_of(b) - times_at) += wanted - least;
+      }
+    }
   }
+  shared_times_ = std::make_shared<const Times>(std::move(shared));
 }
 
 void MotionState::expect_synchronised() {
@@ -150,6 +160,7 @@ void MotionState::correct_times(std::span<const double> late_s) {
   is_synchronised_ = false;
   are_times_corrected_ = true;
   covariance_.diagonal().head<3>().array() += std::pow(furthest_s * velocity().norm(), 2);
+  set_times_shared();
 }
 
 bool MotionState::needs_relinearisation() const {
@@ -188,6 +199,80 @@ CameraTimingEstimate MotionState::timing(int camera) const {
   const Eigen::Index l = latency_of(camera), r = l + 1;
   return {given.latency_s + mean_(l), std::sqrt(covariance_(l, l)), given.readout_s + mean_(r),
           std::sqrt(covariance_(r, r))};
+}
+
+MotionState::Times MotionState::times() const {
+  MotionState settled = *this;
+  settled.settle();
+  const Eigen::MatrixXd lower = settled.covariance_.block(times_at, times_at, times_size(), times_size());
+  Times out{mean_.segment(times_at, times_size()), lower.selfadjointView<Eigen::Lower>()};
+  out.covariance.diagonal().array() += least_time_variance_s2;
+  return out;
+}
+
+MotionState::Times MotionState::shared_times() const {
+  Times out = *shared_times_;
+  for (Eigen::Index i = 1; i < times_size(); i += 2)
+    out.covariance(i, i) += motion_tuning.latency_walk_s2_per_s * since_shared_s_;
+  return out;
+}
+
+void MotionState::set_times_shared() {
+  if (!times_are_learnt_) return;
+  shared_times_ = std::make_shared<const Times>(times());
+  since_shared_s_ = 0;
+}
+
+TimesInformation MotionState::unshared_times() const {
+  const Eigen::Index n = times_are_learnt_ ? times_size() : 0;
+  TimesInformation out{Eigen::MatrixXd::Zero(n, n), Eigen::VectorXd::Zero(n)};
+  if (n == 0) return out;
+  const Times now = times(), shared = shared_times();
+  out.matrix = now.covariance.inverse();
+  out.vector = out.matrix * now.mean;
+  const Eigen::MatrixXd before = shared.covariance.inverse();
+  out.matrix -= before;
+  out.vector -= before * shared.mean;
+  return out;
+}
+
+void MotionState::add_times(const TimesInformation& shown) {
+  if (!times_are_learnt_) return;
+  const auto with_shown = [&](const Times& known) -> std::optional<Times> {
+    const Eigen::MatrixXd before = known.covariance.inverse();
+    const Eigen::LLT<Eigen::MatrixXd> information(before + shown.matrix);
+    if (information.info() != Eigen::Success) return std::nullopt;
+    Times out;
+    out.mean = information.solve(before * known.mean + shown.vector);
+    out.covariance = information.solve(Eigen::MatrixXd::Identity(times_size(), times_size()));
+    return out;
+  };
+  const auto now = with_shown(times()), shared = with_shown(shared_times());
+  if (!now || !shared) return;
+  set_times(*now);
+  shared_times_ = std::make_shared<const Times>(*shared);
+  since_shared_s_ = 0;
+}
+
+void MotionState::set_times(const Times& times) {
+  by_nuisances_.reset();
+  settle();
+  const Times before = this->times();
+  const Eigen::MatrixXd all = covariance_.selfadjointView<Eigen::Lower>();
+  Eigen::MatrixXd regression = all.middleCols(times_at, times_size()) * before.covariance.inverse();
+  regression.middleRows(times_at, times_size()).setIdentity();
+  mean_ += regression * (times.mean - before.mean);
+  covariance_ = all + regression * (times.covariance - before.covariance) * regression.transpose();
+  keep_times_open(before.covariance.diagonal());
+}
+
+void MotionState::forget_unshared_times() {
+  if (times_are_learnt_) set_times(shared_times());
+}
+
+void MotionState::adopt_time_assumptions(const MotionState& other) {
+  is_synchronised_ = is_synchronised_ || other.is_synchronised_;
+  are_times_corrected_ = are_times_corrected_ || other.are_times_corrected_;
 }
 
 void MotionState::begin(capture::Timestamp when, const Eigen::Vector3d& position, double position_variance,
@@ -238,6 +323,7 @@ void MotionState::predict_to(capture::Timestamp when, double power_density) {
   covariance_.block<3, 3>(0, 3).diagonal().array() += q * dt * dt / 2;
   covariance_.block<3, 3>(3, 0).diagonal().array() += q * dt * dt / 2;
   if (!times_are_learnt_) return;
+  since_shared_s_ += dt;
   for (int c = 0; c < int(given_.size()); ++c) {
     if (c != reference_camera) covariance_(latency_of(c), latency_of(c)) += motion_tuning.latency_walk_s2_per_s * dt;
   }
@@ -491,8 +577,8 @@ std::pair<double, double> MotionState::expected_log_size(const SeenRow& row, con
 }
 
 void MotionState::apply(const Columns& gain, const Columns& px_of_state, const Eigen::Vector2d& innovation) {
-  const Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, most_states, 1> variance_before =
-      covariance_.diagonal();
+  const Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, most_states, 1> times_before =
+      covariance_.diagonal().segment(times_at, std::max<Eigen::Index>(0, times_size()));
   mean_.noalias() += gain.lazyProduct(innovation);
   const bool is_put_aside = gains_.size() > 0;
   take_off(covariance_.data(), size(), is_put_aside ? 6 : size(), gain.col(0).data(), gain.col(1).data(),
@@ -506,14 +592,15 @@ void MotionState::apply(const Columns& gain, const Columns& px_of_state, const E
   }
   for (Eigen::Index i = 0; i < 6; ++i)
     for (Eigen::Index k = i + 1; k < 6; ++k) covariance_(i, k) = covariance_(k, i);
-  if (times_are_learnt_) {
-    const auto keep = [&](Eigen::Index i, double least_sigma) {
-      covariance_(i, i) = std::max(covariance_(i, i), std::min(variance_before(i), least_sigma * least_sigma));
-    };
-    for (int c = 0; c < int(given_.size()); ++c) {
-      keep(latency_of(c), motion_tuning.min_row_sigma_s);
-      keep(latency_of(c) + 1, 2 * motion_tuning.min_row_sigma_s);  // half of it at the edge
-    }
+  if (times_are_learnt_) keep_times_open(times_before);
+}
+
+void MotionState::keep_times_open(const Eigen::Ref<const Eigen::VectorXd>& variances_before) {
+  for (Eigen::Index i = 0; i < variances_before.size(); ++i) {
+    // Of the readout by half of it, at the edge.
+    const double least_sigma = (i % 2 == 0 ? 2 : 1) * motion_tuning.min_row_sigma_s;
+    double& variance = covariance_(times_at + i, times_at + i);
+    variance = std::max(variance, std::min(variances_before(i), least_sigma * least_sigma));
   }
 }
 
@@ -526,7 +613,7 @@ Eigen::Matrix<double, 6, 6> MotionState::by_nuisances() const {
   }
   const Eigen::Index n = size() - 6;
   Eigen::MatrixXd views = covariance_.bottomRightCorner(n, n);
-  views.diagonal().array() += 1e-16;  // maths: s^2, px^2, keeps the fixed reference latency positive definite
+  views.diagonal().array() += least_time_variance_s2;  // and px^2: keeps the reference latency positive definite
   const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> root(views);
   Eigen::Matrix<double, Eigen::Dynamic, 6, Eigen::ColMajor, most_states, 6> with_motion =
       covariance_.bottomLeftCorner(n, 6);

@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <cmath>
+#include <memory>
 #include <optional>
 #include <span>
 #include <utility>
@@ -52,6 +53,13 @@ struct LinearSize {
   bool is_bias_constant = false;  // it does not vary
   Eigen::Vector3d linearised_at;  // a position near the object's at row.at, metres
   Eigen::Vector3d ray;            // from the camera's centre to linearised_at, m
+};
+
+// On the cameras' timing, in information form: inverse covariance (1/s^2) and its product with the mean (1/s). States:
+// readout of the reference camera, then latency and readout of each further one.
+struct TimesInformation {
+  Eigen::MatrixXd matrix;
+  Eigen::VectorXd vector;
 };
 
 // Variance and standard deviation along the least certain axis; >= 0.
@@ -114,6 +122,21 @@ class MotionState {
   double row_offset_s(int camera, double below_middle) const;
   double row_sigma_s(int camera, double below_middle) const;
   CameraTimingEstimate timing(int camera) const;
+
+  // Several objects of one rig share its timing (shared_times.h). Its joint posterior factorises: given the timing, the
+  // objects are independent. So each adds what the others' measurements show, and no measurement counts twice.
+  // What this object's measurements have shown since set_times_shared(); before the first call, since the prior. Zero
+  // where times are not learnt.
+  TimesInformation unshared_times() const;
+  // Adds what others have shown. Position, velocity and biases follow by regression. Without effect where times are not
+  // learnt, and if `shown` contradicts (the sum is no information matrix).
+  void add_times(const TimesInformation& shown);
+  void set_times_shared();       // the others know what this object's measurements have shown by now
+  void forget_unshared_times();  // a new object begins with what all objects share
+  void adopt_shared_times(const MotionState& known) {
+    shared_times_ = known.shared_times_, since_shared_s_ = known.since_shared_s_;
+  }
+  void adopt_time_assumptions(const MotionState& other);  // expect_synchronised() and correct_times(), if it had them
 
   // A new object. Timing is kept, biases are reset.
   void begin(capture::Timestamp when, const Eigen::Vector3d& position, double position_variance,
@@ -191,10 +214,22 @@ class MotionState {
   // Of the clock that stamps a camera's frames against that of the reference camera; 0 where it is the same one.
   double relative_clock_variance_s2(int camera) const;
 
+  struct Times {  // as TimesInformation, in moments
+    Eigen::VectorXd mean;
+    Eigen::MatrixXd covariance;
+  };
+  Eigen::Index times_size() const { return times_linearised_.size() - 1; }  // the reference latency is fixed
+  Times times() const;
+  Times shared_times() const;  // with the walk since then
+  void set_times(const Times& times);
+  void keep_times_open(const Eigen::Ref<const Eigen::VectorXd>& variances_before);  // of times(): their least sigmas
+
   bool times_are_learnt_;
   bool is_synchronised_ = false;
   bool are_times_corrected_ = false;
-  Eigen::VectorXd times_linearised_;  // the timing at which velocity * time was linearised
+  Eigen::VectorXd times_linearised_;           // the timing at which velocity * time was linearised
+  std::shared_ptr<const Times> shared_times_;  // the prior, later what all objects knew when they shared it last
+  double since_shared_s_ = 0;                  // predicted since then: the latencies have walked
   Eigen::VectorXd mean_;
   // Valid on and below the diagonal, and in all of the motion's own 6 x 6.
   Eigen::MatrixXd covariance_;

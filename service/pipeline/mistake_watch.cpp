@@ -58,11 +58,7 @@ void add_inflation(std::span<const double> inflation, std::vector<object_trackin
 }
 
 MistakeWatch::MistakeWatch(const calib::CameraRig& rig, std::span<const object_tracking::TargetOptions> targets)
-    : rig_(rig),
-      mistakes_(targets.size()),
-      late_s_(targets.size()),
-      inflation_(rig.cameras.size(), 0.0),
-      previous_inflation_(inflation_) {
+    : rig_(rig), mistakes_(targets.size()), inflation_(rig.cameras.size(), 0.0), previous_inflation_(inflation_) {
   watches_.reserve(targets.size());
   for (const auto& target : targets) watches_.emplace_back(rig, target);
 }
@@ -80,13 +76,13 @@ bool MistakeWatch::look(const capture::FrameSet& set, std::span<const object_tra
                         std::span<const object_trackers::ObjectTracker> trackers, const std::vector<bool>& moved) {
   std::swap(inflation_, previous_inflation_);
   std::ranges::fill(inflation_, 0.0);
+  late_s_.clear();
   for (std::size_t t = 0; t < watches_.size() && t < trackers.size(); ++t) {
     // ObjectTracker::regions() are those of one object, even if there are several; timing is common to all.
     const auto estimate = std::ranges::find(estimates, t, &object_tracking::ObjectEstimate::target);
-    late_s_[t].clear();
     if (estimate != estimates.end()) {
       watches_[t].look(*estimate, trackers[t], set.at, moved);
-      late_s_[t] = watches_[t].late_s();
+      if (late_s_.empty()) late_s_ = watches_[t].late_s();
     }
     const auto is_explained = [&](const view_watch::Mistake& mistake) { return is_explained_by(moved, mistake); };
     mistakes_[t] = watches_[t].mistakes();
@@ -94,6 +90,10 @@ bool MistakeWatch::look(const capture::FrameSet& set, std::span<const object_tra
     for (const view_watch::Mistake& mistake : watches_[t].suspected_mistakes())
       if (!is_explained(mistake)) inflate(mistake);
   }
+  if (std::ranges::any_of(watches_, [&](const auto& watch) { return !late_s_.empty() && watch.contradicts(late_s_); }))
+    late_s_.clear();
+  if (!late_s_.empty())
+    for (view_watch::ViewWatch& watch : watches_) watch.note_correction();
   return inflation_ != previous_inflation_;
 }
 

@@ -30,8 +30,9 @@ class MistakeWatch {
   bool look(const capture::FrameSet& set, std::span<const object_tracking::ObjectEstimate> estimates,
             std::span<const object_trackers::ObjectTracker> trackers, const std::vector<bool>& moved);
 
-  // By the last look(), per target: ViewWatch::late_s().
-  std::span<const std::vector<double>> late_s() const { return late_s_; }
+  // By the last look(), for all trackers: the timing is the rig's. ViewWatch::late_s() of the first target that shows
+  // it.
+  const std::vector<double>& late_s() const { return late_s_; }
 
   // In force now, per target.
   std::span<const std::vector<view_watch::Mistake>> mistakes() const { return mistakes_; }
@@ -45,7 +46,7 @@ class MistakeWatch {
   calib::CameraRig rig_;
   std::vector<view_watch::ViewWatch> watches_;
   std::vector<std::vector<view_watch::Mistake>> mistakes_;
-  std::vector<std::vector<double>> late_s_;
+  std::vector<double> late_s_;
   std::vector<double> inflation_, previous_inflation_;
 };
 

@@ -402,6 +402,7 @@ void Pipeline::update(ReadySet ready, TrackingTeam& team, std::vector<object_tra
   StageTime watched = stages.lap();
   const capture::Duration helpers_cpu = team.update(still, estimates);
   StageTime tracked = stages.lap();
+  object_trackers::ObjectTracker::share_times(trackers_);
   tracked.cpu += helpers_cpu;
   if (calibration_) calibration_->learn(estimates);
   if (mistakes_) watch_mistakes(still, estimates);
@@ -447,8 +448,8 @@ void Pipeline::trust_cameras() {
 void Pipeline::watch_mistakes(const capture::FrameSet& set,
                               std::span<const object_tracking::ObjectEstimate> estimates) {
   is_inflation_new_ |= mistakes_->look(set, estimates, trackers_, moved_cameras());
-  for (std::size_t t = 0; t < trackers_.size(); ++t)
-    if (!mistakes_->late_s()[t].empty()) trackers_[t].correct_times(mistakes_->late_s()[t]);
+  if (mistakes_->late_s().empty()) return;
+  for (auto& tracker : trackers_) tracker.correct_times(mistakes_->late_s());
 }
 
 std::vector<bool> Pipeline::moved_cameras() const {

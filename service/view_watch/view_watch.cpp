@@ -580,16 +580,25 @@ bool ViewWatch::correct_times(Mistake& found, double now_s) {
       std::ranges::equal(other_times_->late_s, found.extra_latency_s, is_near)) {
     late_s_ = found.extra_latency_s;
     shifts_when_corrected_ = time_shifts_;
-    for (PerCamera& camera : cameras_) camera.surest_sigma_s = unknown_sigma_s;
     ++corrections_;
     tries_ = 0;
     for (std::size_t c = 0; c < cameras_.size(); ++c)
       std::erase_if(cameras_[c].track, [&](const SeenPoint& s) { return s.t_s + time_shifts_[c] < found.since_s; });
-    other_times_.reset();
+    note_correction();
   } else {
     other_times_ = {found.extra_latency_s, now_s};
   }
   return is_mistake;
+}
+
+bool ViewWatch::contradicts(const std::vector<double>& late_s) const {
+  return has_moved() &&
+         PairComparison(rig_).agreement(tracks_, {.late_s = late_s}, time_sigmas_).worst > consistency.agrees;
+}
+
+void ViewWatch::note_correction() {
+  for (PerCamera& camera : cameras_) camera.surest_sigma_s = unknown_sigma_s;
+  other_times_.reset();
 }
 
 // are_few: few samples, which several hypotheses explain; the times of all cameras then compete with other answers.

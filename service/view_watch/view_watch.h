@@ -82,6 +82,11 @@ class ViewWatch {
   // By the last look(), reported once: per camera of the rig, the latency beyond the tracker's estimate, for
   // ObjectTracker::correct_times(). Empty: no correction.
   const std::vector<double>& late_s() const { return late_s_; }
+  // As of the last judgement: with this latency, the views of this target would be inconsistent. Then it is another
+  // fault, as one timing holds for all targets.
+  bool contradicts(const std::vector<double>& late_s) const;
+  // All trackers' times were corrected by another target's late_s(): their estimates begin anew.
+  void note_correction();
   // Confirmed.
   const std::vector<Mistake>& mistakes() const { return mistakes_; }
   // mistakes(), and unconfirmed ones of the last second: a reason to inflate a camera's covariance.

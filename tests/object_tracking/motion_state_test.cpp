@@ -39,6 +39,7 @@ struct Scene {
   calib::CameraRig rig;
   std::vector<double> latency_s{0.012, 0.038, 0.024}, readout_s{0.024, -0.018, 0.03};
   double noise_px = 0.2;
+  double later_s = 0;  // than the others: another object of the same path
 
   explicit Scene(unsigned seed) : random(seed) {
     rig.cameras = {camera_at("a", {3, 0, 2}), camera_at("b", {-1, 3, 1.5}), camera_at("c", {-1, -3, 0.5})};
@@ -62,9 +63,9 @@ struct Scene {
       const calib::Camera& camera = rig.cameras[c];
       double row = 240;
       for (int i = 0; i < 4; ++i)
-        row = camera.project_world(position(frame.middle_s + (row / 479 - 0.5) * readout_s[c]))->px.y();
+        row = camera.project_world(position(later_s + frame.middle_s + (row / 479 - 0.5) * readout_s[c]))->px.y();
       const double below = row / 479 - 0.5;
-      const auto px = camera.project_world(position(frame.middle_s + below * readout_s[c]))->px;
+      const auto px = camera.project_world(position(later_s + frame.middle_s + below * readout_s[c]))->px;
       LinearSighting seen;
       seen.row = {.camera = frame.camera, .below_middle = below};
       seen.row.shift_s = state.row_offset_s(frame.camera, below);
@@ -183,6 +184,75 @@ TEST(MotionState, TimeUncertaintyLiesAlongThePath) {
   EXPECT_NEAR(std::sqrt(of_b(1, 1)), 0.001, 1e-4);
   const Eigen::Matrix3d of_a = state.seen_covariance({.camera = 0, .below_middle = 0, .at = at(0)}, 0);
   EXPECT_NEAR(std::sqrt(of_a(0, 0)), 0.001, 1e-4);
+}
+
+constexpr double a_microsecond = 1e-6;
+
+// Two objects share what they show of one rig's timing, ten times a second: no measurement counts twice, and both are
+// as sure as their measurements together.
+TEST(MotionState, SharedTimesAreThoseOfAllMeasurements) {
+  int inside = 0, all = 0;
+  double once = 0, often = 0, alone = 0;
+  for (unsigned seed = 0; seed < 12; ++seed) {
+    for (const int pieces : {1, 6}) {
+      std::vector<Scene> scenes{Scene(2 * seed), Scene(2 * seed + 1)};
+      scenes[1].later_s = 1.3;
+      std::vector<MotionState> states;
+      for (Scene& scene : scenes) {
+        states.emplace_back(scene.rig, true);
+        states.back().begin(at(0), Scene::position(scene.later_s), 1, Vector3d::Zero(), 9);
+      }
+      for (int piece = 0; piece < pieces; ++piece) {
+        for (std::size_t i = 0; i < 2; ++i) scenes[i].run(states[i], 0.6 * piece / pieces, 0.6 * (piece + 1) / pieces);
+        if (pieces == 1) alone += states[0].timing(1).latency_sigma_s;
+        const std::vector shown{states[0].unshared_times(), states[1].unshared_times()};
+        for (std::size_t i = 0; i < 2; ++i) states[i].add_times(shown[1 - i]);
+        for (MotionState& state : states) state.set_times_shared();
+      }
+      for (int c = 1; c < 3; ++c) {
+        const CameraTimingEstimate a = states[0].timing(c), b = states[1].timing(c);
+        EXPECT_NEAR(a.latency_s, b.latency_s, 1e-4) << "one answer";
+        EXPECT_NEAR(a.latency_sigma_s, b.latency_sigma_s, 0.05 * a.latency_sigma_s);
+        const double off_s = a.latency_s - scenes[0].latency_s[std::size_t(c)] + scenes[0].latency_s[0];
+        ++all, inside += std::abs(off_s) < 1.96 * a.latency_sigma_s ? 1 : 0;
+      }
+      (pieces == 1 ? once : often) += states[0].timing(1).latency_sigma_s;
+      for (const MotionState& state : states)
+        EXPECT_LT(state.unshared_times().matrix.norm(), 1e-6 / std::pow(a_microsecond, 2))
+            << "nothing is left to share";
+    }
+  }
+  EXPECT_LT(once, 0.85 * alone) << "two objects know more than one";
+  EXPECT_NEAR(often, once, 0.1 * once) << "how often they share changes nothing";
+  EXPECT_GE(inside, all * 85 / 100);
+}
+
+// What is shared of the timing moves an object that knew it badly, as far as its velocity takes it.
+TEST(MotionState, SharedTimesMoveTheObjectAlongItsPath) {
+  Scene scene(3);
+  MotionState known(scene.rig, true), moving(scene.rig, true);
+  known.begin(at(0), Scene::position(0), 1, Vector3d::Zero(), 9);
+  scene.run(known, 0, 4);
+  moving.begin(at(4), Scene::position(4), 1, Vector3d::Zero(), 9);
+  scene.run(moving, 4, 4.15);
+  const auto sigma_along = [&] {
+    const Vector3d along = moving.velocity().normalized();
+    return std::sqrt(along.dot(moving.position_covariance() * along));
+  };
+  const double before = sigma_along();
+  moving.add_times(known.unshared_times());
+  EXPECT_LT(sigma_along(), 0.95 * before);
+  EXPECT_LT((moving.position() - Scene::position(capture::seconds(moving.at.time_since_epoch()))).norm(),
+            4 * largest_sigma(moving.position_covariance()));
+  EXPECT_NEAR(moving.timing(1).latency_s, scene.latency_s[1] - scene.latency_s[0], 0.002);
+  // Of an object that turned out to be none, nothing remains.
+  MotionState fresh = moving;
+  fresh.forget_unshared_times();
+  EXPECT_NEAR(fresh.timing(1).latency_s, known.timing(1).latency_s, 1e-6);
+  MotionState untimed(scene.rig, false);
+  EXPECT_EQ(untimed.unshared_times().matrix.size(), 0);
+  untimed.add_times(untimed.unshared_times());
+  untimed.set_times_shared();
 }
 
 // Two cameras of another host share one clock error, which does not stay known.

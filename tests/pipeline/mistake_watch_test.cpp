@@ -147,7 +147,7 @@ TEST(MistakeWatch, OtherMistakesAreNamedBesideAMovedCamera) {
     for (const auto& set : sets) {
       trackers[0].update(set, estimates);
       watch.look(set, estimates, trackers, {false, true, false, false});
-      if (!watch.late_s()[0].empty()) trackers[0].correct_times(watch.late_s()[0]);
+      if (!watch.late_s().empty()) trackers[0].correct_times(watch.late_s());
       for (const Mistake& mistake : watch.mistakes()[0])
         if (std::ranges::find(named, mistake.kind) == named.end()) named.push_back(mistake.kind);
     }

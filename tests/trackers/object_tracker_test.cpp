@@ -307,6 +307,53 @@ TEST(ObjectTracker, EstimatesUnknownTiming) {
   EXPECT_EQ(e.times[0].latency_sigma_s, 0);
 }
 
+// One rig has one timing: what a target that moves shows of it, a target that has been at rest knows when it is thrown.
+TEST(ObjectTracker, ATargetAtRestKnowsTheTimingByAnother) {
+  constexpr double thrown_s = 4;
+  const scene::Scene scene =
+      ring(3)
+          .ball({.path =
+                     [](double t) {
+                       return Vector3d(0.5 * std::sin(4 * t), 0.4 * std::cos(4 * t), 1.1 + 0.2 * std::sin(3 * t));
+                     }})
+          .ball({.name = "pink",
+                 .rgb = pink_ball().rgb,
+                 .path =
+                     [](double t) {
+                       const double since = std::max(0.0, t - thrown_s);
+                       return Vector3d(0.7 - 2 * since, -0.7 + 1.5 * since, 0.6 + 1.5 * since - 4.9 * since * since);
+                     }})
+          .build();
+  std::vector<capture::FrameSet> sets = scene::render(scene, {.set_count = 135, .offset_s = {0, 0.011, 0.022}});
+  for (capture::FrameSet& set : sets) {
+    for (auto& frame : set.frames)
+      if (frame && frame->camera == 2) frame->captured_at += capture::duration_of(0.025);
+    set.at += capture::duration_of(0.025);
+  }
+  const auto flight = [&](bool is_shared) {
+    std::vector<ObjectTracker> trackers;
+    for (const TargetOptions& target : {lime(), pink()}) trackers.emplace_back(scene.rig, target, options_with());
+    double sum2 = 0, nees = 0;
+    int n = 0;
+    for (const capture::FrameSet& set : sets) {
+      trackers[0].update(set);
+      const ObjectEstimate e = trackers[1].update(set);
+      if (is_shared) ObjectTracker::share_times(trackers);
+      for (ObjectTracker& tracker : trackers) tracker.learn();
+      const double since = capture::seconds(e.at - sets[0].at) - thrown_s;
+      if (since < 0 || since > 0.3 || e.state != TrackState::tracking) continue;
+      const Vector3d error = e.position - scene.ball_at(1, e.at);
+      sum2 += error.squaredNorm(), nees += truth::nees(error, e.covariance), ++n;
+    }
+    return std::tuple(n, std::sqrt(sum2 / n), nees / n);
+  };
+  const auto [n, rms_m, nees] = flight(true);
+  const auto [n_alone, rms_alone_m, nees_alone] = flight(false);
+  EXPECT_GE(n, 8);
+  EXPECT_LT(rms_m, 0.5 * rms_alone_m) << n_alone;
+  EXPECT_LT(nees, 8) << nees_alone;
+}
+
 // Two of three cameras are of another host, whose clock is off by some milliseconds that cannot be determined from the
 // stamps. How well it is known comes with the frames, and is a part of the covariance.
 TEST(ObjectTracker, CovarianceContainsAnotherHostsClock) {

@@ -130,6 +130,13 @@ void ObjectFilter::adopt_times(const ObjectFilter& other) {
   has_begun_ = other.has_begun_;
 }
 
+void ObjectFilter::adopt_shared(const ObjectFilter& other, const TimesInformation& shown) {
+  has_begun_ = has_begun_ || other.has_begun_;
+  motion_.adopt_time_assumptions(other.motion_);
+  motion_.add_times(shown);
+  times_.add_times(shown);
+}
+
 void ObjectFilter::begin(const PositionCandidate& earlier, const PositionCandidate& found, capture::Timestamp set_at,
                          double dt, bool is_in_step) {
   acceleration_ = options_.acceleration_m_s2;

@@ -31,7 +31,10 @@ class ObjectFilter {
   const Eigen::Vector3d& map_position() const { return map_; }
 
   void adopt_times(const ObjectFilter& other);  // for a new object: the timing that `other` has estimated
-  void scatter();                               // position unknown: particles uniform in the volume
+  // Of a filter of the same rig that has shared its timing, and what all others but this one have shown since.
+  void adopt_shared(const ObjectFilter& other, const object_tracking::TimesInformation& shown);
+  bool has_begun() const { return has_begun_; }  // an object was initialised: timing is being estimated
+  void scatter();                                // position unknown: particles uniform in the volume
 
   // Initialises a new object from measurements of two sets, dt apart. is_in_step: the cameras are synchronised, as far
   // as is known. Returns the second set's measurements, with the inflation of `agreement`.
@@ -87,7 +90,7 @@ class ObjectFilter {
   object_tracking::MotionObserver observer_;
   TimingEstimator times_;
   const calib::Camera* sizing_camera_ = nullptr;  // of ray()
-  bool has_begun_ = false;                        // an object was initialised: timing is being estimated
+  bool has_begun_ = false;
 
   PositionParticles particles_;
   std::vector<float> weight_, log_weight_, unit_, u_, v_;

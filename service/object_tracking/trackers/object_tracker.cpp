@@ -102,6 +102,14 @@ void ObjectTracker::trust(std::span<const CameraTrust> cameras) {
   std::visit([&](auto& tracker) { tracker.trust(cameras); }, impl_->tracker);
 }
 
+void ObjectTracker::share_times(std::span<ObjectTracker> trackers) {
+  if (trackers.size() < 2) return;
+  std::vector<TimesHolder> holders;
+  for (ObjectTracker& each : trackers)
+    if (auto* tracker = each.impl_->of_huetrack()) tracker->add_times_holders(holders);
+  object_trackers::share_times(holders);
+}
+
 void ObjectTracker::correct_times(std::span<const double> late_s) {
   if (auto* tracker = impl_->of_huetrack()) tracker->correct_times(late_s);
 }

@@ -46,6 +46,11 @@ class ObjectTracker {
   // finite.
   void trust(std::span<const object_tracking::CameraTrust> cameras);
 
+  // After update() of the trackers of one rig, before correct_times(): what each has learnt of the cameras' timing, all
+  // know. Several objects of one tracker share it by themselves. No effect with observation: paper, and with
+  // timing: fixed.
+  static void share_times(std::span<ObjectTracker> trackers);
+
   // Per camera of the rig: its frames are later than this tracker estimates, seconds (ViewWatch::late_s()). Tracking
   // goes on with the uncertainty that this leaves. No effect with observation: paper, and with timing: fixed.
   void correct_times(std::span<const double> late_s);

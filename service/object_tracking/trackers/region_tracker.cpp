@@ -101,6 +101,11 @@ void RegionTracker::begin_set(const capture::FrameSet& set, const std::vector<Ta
     for (const auto& object : objects_) object->state = TrackState::lost;
     births_.forget();
   }
+  if (!is_alone()) {
+    std::vector<TimesHolder> holders;
+    add_times_holders(holders);
+    share_times(holders);
+  }
   times_.motion().open_clocks(set);
   for (const auto& object : objects_) object->filter.motion().open_clocks(set);
 }
@@ -297,6 +302,7 @@ void RegionTracker::begin_track(const Birth& birth, const std::vector<TargetView
   auto fresh = std::make_unique<TrackedObject>(rig_, target_, options_,
                                                particle_filter::Rng(options_.seed, stream_ + started_++), rig_error_);
   fresh->filter.adopt_times(objects_.empty() ? times_ : objects_.front()->filter);
+  if (!objects_.empty()) fresh->filter.motion().forget_unshared_times();
   start(*fresh, birth, views, set_at);
   if (!is_live(fresh)) times_.adopt_times(fresh->filter);
   if (is_live(fresh)) objects_.push_back(std::move(fresh));
@@ -407,6 +413,23 @@ void RegionTracker::correct_times(std::span<const double> late_s) {
   consistency_.forget();
 }
 
+// Without an object, of the timing that the next one begins with.
+void RegionTracker::add_times_holders(std::vector<TimesHolder>& out) {
+  if (objects_.empty()) out.push_back({&times_, false});
+  for (const auto& object : objects_) {
+    const bool is_consistent =
+        std::ranges::none_of(object->sightings, [](const Sighting& s) { return s.inflation_px2 > 0; });
+    out.push_back({&object->filter, object->is_published && is_tracked(object) && is_consistent});
+  }
+}
+
+// Of one camera the filter holds the object's size, too; nothing is learnt of its timing.
+void RegionTracker::take_over_from(const RegionTracker& before) {
+  published_.take_over_from(before.published_, before.objects_);
+  if (rig_.cameras.size() > 1 && options_.timing == before.options_.timing)
+    times_.adopt_times(before.objects_.empty() ? before.times_ : before.objects_.front()->filter);
+}
+
 void RegionTracker::begin_anew() {
   published_.end_all(objects_);
   for (const auto& object : objects_) times_.adopt_times(object->filter);
@@ -430,7 +453,8 @@ PositionParticles RegionTracker::particles() const {
 // any two rays would meet.
 MotionState RegionTracker::times() const {
   MotionState out = objects_.empty() ? times_.motion() : objects_.front()->filter.motion();
-  if (started_ == 0 && sets_apart_ == 0 && (!is_alone() || clutter_mask_.is_room_shared())) out.expect_synchronised();
+  if (started_ == 0 && !times_.has_begun() && sets_apart_ == 0 && (!is_alone() || clutter_mask_.is_room_shared()))
+    out.expect_synchronised();
   return out;
 }
 

@@ -42,6 +42,7 @@
 #include "object_tracking/trackers/object_sighter.h"
 #include "object_tracking/trackers/published_objects.h"
 #include "object_tracking/trackers/shared_regions.h"
+#include "object_tracking/trackers/shared_times.h"
 #include "object_tracking/trackers/tracked_object.h"
 #include "object_tracking/view_consistency.h"
 
@@ -59,7 +60,8 @@ class RegionTracker {
   void trust(std::span<const object_tracking::CameraTrust> cameras);
   void correct_times(std::span<const double> late_s);
   void begin_anew();
-  void take_over_from(const RegionTracker& before) { published_.take_over_from(before.published_, before.objects_); }
+  void take_over_from(const RegionTracker& before);
+  void add_times_holders(std::vector<TimesHolder>& out);  // of share_times()
   object_tracking::TargetViews& views() { return views_; }
   const object_tracking::TargetViews& views() const { return views_; }
   PositionParticles particles() const;  // of all objects; of none: uniform in the volume

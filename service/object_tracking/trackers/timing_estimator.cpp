@@ -37,6 +37,10 @@ void TimingEstimator::settle(const MotionState& motion) {
     seen.estimated_at = motion.at, seen.position = motion.position(), seen.velocity = motion.velocity();
 }
 
+void TimingEstimator::add_times(const TimesInformation& shown) {
+  if (begun_) begun_->add_times(shown);
+}
+
 void TimingEstimator::forget_seen() {
   seen_sets_.clear();
   is_forgetting_motion_ = true;
@@ -103,6 +107,7 @@ void TimingEstimator::linearise_again(MotionState& motion, double power_density)
       seen.estimated_at = again.at, seen.position = again.position(), seen.velocity = again.velocity();
     }
     again.predict_to(known.at, power_density);
+    again.adopt_shared_times(known);
     motion = again;
   }
 }

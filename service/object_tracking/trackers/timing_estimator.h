@@ -42,6 +42,7 @@ class TimingEstimator {
   // Filters all remembered sets again with the timing known now: an iterated extended Kalman filter (Bell and Cathey
   // 1993), each pass linearised where the one before ended.
   void linearise_again(object_tracking::MotionState& motion, double power_density);
+  void add_times(const object_tracking::TimesInformation& shown);  // by other objects: MotionState::add_times()
   void forget_seen();  // a camera's pose changed: what was measured is of another rig
 
  private:
