@@ -524,10 +524,11 @@ class Stream {
   void note_left_out() {
     if (back_count_ > 0)
       warn(fmt::format(
-          "its time stamps go back, first at frame {} (at {:.3f} s), by up to {:.3f} s: {} frames are left out. {}",
+          "its time stamps go back, first at frame {} (at {:.3f} s), by up to {:.3f} s: {} frames are left out{}",
           first_back_.first, capture::seconds(first_back_.second), capture::seconds(furthest_back_), back_count_,
-          camera_.topic.empty() ? "If the pictures are in order, give fps or timestamps"
-                                : "Sort the bag's messages by time (`mcap sort`)"));
+          reader_->wrong_times()  ? ""  // says what to do
+          : camera_.topic.empty() ? ". If the pictures are in order, give fps or timestamps"
+                                  : ". Sort the bag's messages by time (`mcap sort`)"));
     if (unstamped_ > 0 && last_stamp_)
       warn(fmt::format("{} frames have no time stamp and are left out: give fps or timestamps", unstamped_));
   }
