@@ -15,7 +15,12 @@ class Mpeg4Clock {
   bool begins_again(std::span<const std::uint8_t> packet);
 
  private:
-  std::optional<int> zero_;  // bits of the first picture's time; 0: it is another time
+  struct Time {
+    int bits = 0;  // of a picture's time, if it is 0; 0: it is another one
+    std::uint32_t group = 0;
+    bool operator==(const Time&) const = default;
+  };
+  std::optional<Time> first_;
 };
 
 }  // namespace huetrack::recordings
