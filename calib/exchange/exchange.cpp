@@ -140,7 +140,10 @@ Imported import_rig(std::span<const std::filesystem::path> files, const ImportOp
   if (widest > widest_rig_m) {
     throw files::ConfigError(
         file, 0,
-        fmt::format("the cameras are up to {:.0f} m apart: if the file is in millimetres, give --unit mm", widest));
+        fmt::format(
+            "the cameras are up to {:.0f} m apart: if the file is in centimetres ({:.3g} m), give --unit cm, if "
+            "in millimetres ({:.3g} m), --unit mm",
+            widest, widest / 100, widest / 1000));
   }
   if (out.rig.cameras.size() > 1) check_placement(out.rig.cameras, options.inverts_poses, out);
   if (out.rig.cameras.size() > 1 && !out.is_doubtful) check_axes(out.rig.cameras, options, out);

@@ -20,9 +20,10 @@
 namespace huetrack::exchange {
 
 enum class ExchangeFormat : std::uint8_t {
-  ros,         // camera_info YAML (camera_calibration_parsers), or of `ros2 topic echo`: one camera, no pose; or a bag
-  opencv,      // FileStorage, .yml .xml .json: one camera per file, or a stereo pair (M1 D1 M2 D2 R T)
-  kalibr,      // camchain YAML: pinhole with radtan, equidistant or none; relative poses, timing
+  ros,     // camera_info YAML (camera_calibration_parsers), or of `ros2 topic echo`: one camera, no pose; ost.ini; or a
+           // bag
+  opencv,  // FileStorage, .yml .xml .json: one camera per file, or a stereo pair (M1 D1 M2 D2 R T)
+  kalibr,  // camchain YAML: pinhole with radtan, equidistant or none; relative poses, timing
   aniposelib,  // TOML: [cam_0] name, matrix, distortions, rotation vector, translation; Pose2Sim's, too
   caliscope,   // TOML: [cameras.0]; older config.toml: [cam_0]
   // Import only:
@@ -31,6 +32,7 @@ enum class ExchangeFormat : std::uint8_t {
   easymocap,     // intri.yml and extri.yml
   mccalib,       // calibrated_cameras_data.yml
   photonvision,  // JSON of one camera
+  panoptic,      // CMU Panoptic's JSON: a list of cameras
 };
 std::string_view name(ExchangeFormat format);  // "ros", ...
 std::optional<ExchangeFormat> exchange_format_of(std::string_view name);

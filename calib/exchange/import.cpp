@@ -27,10 +27,10 @@ constexpr List<sizeof...(T)> words(T... all) {
 
 constexpr auto k_words = words("camera_matrix", "cameraMatrix", "Camera_Matrix", "CameraMatrix", "intrinsic_matrix",
                                "cameraIntrinsics", "intrinsics", "matrix", "mtx", "K", "k");
-constexpr auto d_words =
-    words("distortion_coefficients", "Distortion_Coefficients", "distortionCoefficients", "distCoeffs", "dist_coeffs",
-          "dist_coeff", "distortion_coeffs", "distortion_vector", "distortions", "cameraExtrinsics", "dist", "D",
-          "d");  // cameraExtrinsics: PhotonVision before 2023
+constexpr auto d_words = words("distortion_coefficients", "Distortion_Coefficients", "distortionCoefficients",
+                               "distCoeffs", "dist_coeffs", "dist_coeff", "distCoef", "distortion_coeffs",
+                               "distortion_vector", "distortions", "cameraExtrinsics", "dist", "D",
+                               "d");  // cameraExtrinsics: PhotonVision before 2023
 constexpr auto width_words = words("image_width", "image_Width", "imageWidth", "img_width", "width", "W");
 constexpr auto height_words = words("image_height", "image_Height", "imageHeight", "img_height", "height", "H");
 constexpr auto size_words = words("imageSize", "image_size", "img_size", "cameraResolution", "resolution", "size");
@@ -57,12 +57,13 @@ struct Tool {
 };
 
 // The first one that fits is the file's.
-constexpr std::array<Tool, 12> tools{{
+constexpr std::array<Tool, 13> tools{{
     {ExchangeFormat::openvins, "openvins", "OpenVINS", Layout::sections, {"T_imu_cam"}},
     {ExchangeFormat::kalibr, "kalibr", "Kalibr", Layout::sections, {"T_cn_cnm1", "rostopic", "camera_model"}},
     {ExchangeFormat::mccalib, "mccalib", "MC-Calib", Layout::sections, {"camera_pose_matrix", "distortion_vector"}},
     {ExchangeFormat::caliscope, "caliscope", "Caliscope", Layout::sections, {"cam_id", "port", "rotation_count"}},
     {ExchangeFormat::freemocap, "freemocap", "freemocap", Layout::sections, {"world_position", "world_orientation"}},
+    {ExchangeFormat::panoptic, "panoptic", "CMU Panoptic", Layout::sections, {"distCoef", "calibDataSource"}},
     {ExchangeFormat::aniposelib, "aniposelib", "aniposelib or Pose2Sim", Layout::sections},
     {ExchangeFormat::easymocap, "easymocap", "EasyMocap", Layout::suffixes, {"names"}},
     {ExchangeFormat::opencv, "opencv", "OpenCV", Layout::suffixes},
@@ -76,14 +77,18 @@ constexpr std::array<Tool, 12> tools{{
 struct Unread {
   string_view mark, label;
 };
-constexpr std::array<Unread, 8> unread{{{"Camera.fx", "ORB-SLAM's settings"},
-                                        {"Camera1.fx", "ORB-SLAM's settings"},
-                                        {"projection_parameters", "camodocal's or VINS-Fusion's camera"},
-                                        {"mirror_parameters", "camodocal's or VINS-Fusion's camera"},
-                                        {"value0", "Basalt's calibration"},
-                                        {"Calibration", "calib.io's calibration"},
-                                        {"calibration", "Qualisys' calibration"},
-                                        {"target_type", "Kalibr's target file, which is given as --board,"}}};
+constexpr string_view transforms =
+    "transforms.json of nerfstudio or instant-ngp, the poses of a camera that was carried around,";
+constexpr std::array<Unread, 10> unread{{{"Camera.fx", "ORB-SLAM's settings"},
+                                         {"Camera1.fx", "ORB-SLAM's settings"},
+                                         {"projection_parameters", "camodocal's or VINS-Fusion's camera"},
+                                         {"mirror_parameters", "camodocal's or VINS-Fusion's camera"},
+                                         {"camera_angle_x", transforms},
+                                         {"fl_x", transforms},
+                                         {"value0", "Basalt's calibration"},
+                                         {"Calibration", "calib.io's calibration"},
+                                         {"calibration", "Qualisys' calibration"},
+                                         {"target_type", "Kalibr's target file, which is given as --board,"}}};
 
 // The file, as it is arranged.
 struct Found {

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/exchange/ost_ini.h"
 #include "calib/files/config_error.h"
 #include "calib/files/number_text.h"
 
@@ -136,17 +137,24 @@ std::vector<Value> documents_of(const std::filesystem::path& file) {
           "D1, ... with k1, k2, p1, p2, image_size, and R1, T1, ... of images.txt (quaternion w, x, y, z; the lengths "
           "have no unit)");
   const auto first = text.find_first_not_of(" \t\r\n\xef\xbb\xbf");
+  if (first != std::string::npos && text.compare(first, 19, "Calibration results") == 0)
+    throw files::ConfigError(file, 0,
+                             "is Kalibr's report for people (results-cam.txt), without the image size: give the file "
+                             "camchain.yaml that Kalibr wrote beside it");
   std::vector<Value> documents;
-  if (is_toml)
+  if (auto ini = ost_ini_of(text, file))
+    documents.push_back(std::move(*ini));
+  else if (is_toml)
     documents.push_back(toml_of(text, file));
   else if (first != std::string::npos && text[first] == '<')
     documents.push_back(xml_of(text, file));
   else
     documents = yaml::values_of(text, file);
   if (documents.empty() || documents.front().kind != Kind::map) {
-    throw files::ConfigError(file, 0,
-                             "has no keys and values, in YAML, JSON, TOML or XML: it is no calibration file that can "
-                             "be read");
+    throw files::ConfigError(
+        file, 0,
+        "has no keys and values, in YAML, JSON, TOML, XML or ROS' INI: it is no calibration file that can "
+        "be read");
   }
   return documents;
 }

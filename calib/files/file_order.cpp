@@ -351,6 +351,34 @@ std::vector<std::vector<double>> numbers_that_vary(const std::vector<fs::path>& 
   return numbers;
 }
 
+// The numbers of names with one of these texts, in the order of the names: how far one is from the one before it, at
+// most. nullopt: they do not ascend.
+std::optional<double> longest_step(const std::vector<NameOrder::Parts>& names, const std::set<std::string>& texts) {
+  const std::vector<double>* before = nullptr;
+  double longest = 0;
+  for (const NameOrder::Parts& name : names) {
+    if (!texts.contains(name.text)) continue;
+    const auto& numbers = name.numbers;
+    if (before != nullptr && (before->size() != numbers.size() || !(*before < numbers))) return std::nullopt;
+    if (before != nullptr && std::equal(numbers.begin(), numbers.end() - 1, before->begin()))
+      longest = std::max(longest, numbers.back() - before->back());
+    before = &numbers;
+  }
+  return longest;
+}
+
+// Files of another text count on in a series, as where it goes on under another name, or in its gaps (img_7_blur): with
+// them it has no longer steps. A single one at its beginning or end does so by chance (bg0.jpg).
+bool counts_on(const std::vector<NameOrder::Parts>& names, const std::string& series, const std::string& text,
+               bool is_single) {
+  const auto alone = longest_step(names, {series}), together = longest_step(names, {series, text});
+  if (!alone || !together || *together > *alone) return false;
+  std::vector<std::string> order;
+  for (const NameOrder::Parts& name : names)
+    if (name.text == series || name.text == text) order.push_back(name.text);
+  return !is_single || (order.front() == series && order.back() == series);
+}
+
 constexpr std::size_t least_random_steps = 30;
 
 // Counters and times go on in steps that are mostly alike; between random numbers steps are of all lengths: 28 % of
@@ -451,16 +479,23 @@ std::vector<fs::path> several_series(const std::vector<fs::path>& files) {
   return {*largest[0]->first, *largest[1]->first};
 }
 
-std::optional<fs::path> stray_file(const std::vector<fs::path>& files) {
+std::vector<fs::path> stray_files(const std::vector<fs::path>& files) {
   const NameOrder order(files);
-  if (order.hexadecimal()) return std::nullopt;
-  std::map<std::string, std::vector<fs::path>> by_text;
-  for (const fs::path& file : files) by_text[order.parts_of(without_extension(file.native())).text].push_back(file);
+  if (order.hexadecimal()) return {};
+  std::vector<NameOrder::Parts> names;
+  std::map<std::string, std::size_t> named_so;
+  for (const fs::path& file : files)
+    ++named_so[names.emplace_back(order.parts_of(without_extension(file.native()))).text];
+  const auto series = std::ranges::max_element(named_so, {}, [](const auto& kind) { return kind.second; });
   constexpr std::size_t of_a_series = 3;  // two other names are no series that one can be a stray of
-  if (by_text.size() != 2 || files.size() <= of_a_series) return std::nullopt;
-  for (const auto& [text, named_so] : by_text)
-    if (named_so.size() == 1) return named_so.front();
-  return std::nullopt;
+  if (series == named_so.end() || series->second < of_a_series || 2 * series->second <= files.size()) return {};
+  std::set<std::string> others;
+  for (const auto& [text, count] : named_so)
+    if (text != series->first && !counts_on(names, series->first, text, count == 1)) others.insert(text);
+  std::vector<fs::path> strays;
+  for (std::size_t k = 0; k < files.size(); ++k)
+    if (others.contains(names[k].text)) strays.push_back(files[k]);
+  return strays;
 }
 
 bool hold_an_order(const std::vector<fs::path>& files) {

@@ -29,9 +29,10 @@ bool hold_an_order(const std::vector<std::filesystem::path>& files);
 // the two largest. Empty: one series.
 std::vector<std::filesystem::path> several_series(const std::vector<std::filesystem::path>& files);
 
-// Of names that all but one consist of the same text and numbers, as frame_0001.jpg ... and background.jpg: that one,
-// which is probably no picture of the series. nullopt: there is none, or more than one.
-std::optional<std::filesystem::path> stray_file(const std::vector<std::filesystem::path>& files);
+// Of names most of which consist of the same text and numbers, as frame_0001.jpg ...: the others, as background.jpg,
+// which are probably no pictures of the series. Not those that count on in it, as b_4.jpg after a_3.jpg.
+// files: as sort_by_numbers() orders them
+std::vector<std::filesystem::path> stray_files(const std::vector<std::filesystem::path>& files);
 
 // A name with digits only and one with a letter a to f before a digit, as 010 and 0a5, where names differ in nothing
 // else: parts of hexadecimal numbers. Empty: there are none, or the numbers are hexadecimal.

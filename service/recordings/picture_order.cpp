@@ -87,7 +87,9 @@ void PictureOrder::give_waiting() {
     place({last_, std::move(frame), waits});
   }
   longest_run_ = std::max(longest_run_, ahead);
-  if (longest_run_ > 0) settle();
+  if (longest_run_ == 0) return;
+  has_b_frames_ = true;
+  settle();
 }
 
 // Before the earliest stamp that is pending. ahead: pictures that are shown before the one that was coded with it.
@@ -235,6 +237,15 @@ void PictureOrder::end() {
   for (const Sent& lost : std::exchange(pending_, {}))
     if (!lost.is_trimmed) decided_.push_back({lost.stamp + shift_, nullptr});
   for (; unstamped_ > 0; --unstamped_) decided_.push_back({std::nullopt, nullptr});
+}
+
+void PictureOrder::begin_anew() {
+  times_.clear();  // of pictures that the encoder before kept
+  given_ += std::exchange(ordered_, 0);
+  timed_ = lead_ = offset_ = 0;
+  longest_run_ = 0;
+  first_.reset();
+  is_unsettled_ = decoder_delay_ > 0;
 }
 
 std::optional<PictureOrder::Picture> PictureOrder::next() {

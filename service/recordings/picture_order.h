@@ -7,7 +7,8 @@
 // - Times at which the encoder was called (XviD, Video for Windows): it waits for the pictures that B frames need, so
 //   there is a gap wherever more pictures in a row than before are shown before the one that was coded first. It is no
 //   time, and from there on a stamp is that of the picture shown as many later as the encoder has waited for.
-// Before the key picture where films were joined the delay comes again; it is taken out. Private to this module.
+// Before the key picture where films were joined the delay comes again; it is taken out. Where another encoder's
+// pictures begin, it waits anew. Private to this module.
 #pragma once
 
 #include <cstdint>
@@ -51,6 +52,8 @@ class PictureOrder {
   // stamp: the packet's, as the decoder returned it.
   void shown(std::optional<std::int64_t> stamp, capture::FramePtr frame);
   void end();  // the decoder has no more pictures
+  // After end(): those of another encoder follow, which waits anew.
+  void begin_anew();
 
   std::optional<Picture> next();  // decided ones; nullopt: none now
 
@@ -59,7 +62,7 @@ class PictureOrder {
   struct Gaps {
     std::int64_t count = 0, first_after = 0;
   };
-  Gaps gaps() const { return longest_run_ > 0 ? gaps_ : Gaps{}; }
+  Gaps gaps() const { return has_b_frames_ ? gaps_ : Gaps{}; }
 
   // Gaps before key pictures, as where films were joined.
   struct Joints {
@@ -137,6 +140,7 @@ class PictureOrder {
   std::deque<capture::FramePtr> waiting_;  // shown, undecided: one that was sent before them is not
   std::optional<std::int64_t> latest_;     // of their own stamps
   std::size_t longest_run_ = 0;            // of pictures shown before one that was sent before them
+  bool has_b_frames_ = false;
 };
 
 }  // namespace huetrack::recordings

@@ -314,17 +314,28 @@ class Stream {
     return std::nullopt;
   }
 
+  static std::string about_strays(const std::vector<std::filesystem::path>& strays) {
+    constexpr std::size_t most_named = 3;
+    std::string names;
+    for (std::size_t k = 0; k < std::min(strays.size(), most_named); ++k)
+      names += (k > 0 ? ", " : "") + strays[k].filename().string();
+    if (strays.size() > most_named) names += fmt::format(" and {} more", strays.size() - most_named);
+    const bool is_one = strays.size() == 1;
+    return fmt::format(
+        "{} {} not named like the other files, and {}: if {} of the series, move {} to another folder, since every "
+        "picture after {} is late by as many frames; if {}, add trust_times: true",
+        names, is_one ? "is" : "are", is_one ? "counts as a picture" : "count as pictures",
+        is_one ? "it is none" : "they are none", is_one ? "it" : "them", is_one ? "it" : "them",
+        is_one ? "it is one" : "they are some");
+  }
+
   void begin_to_watch_order() {
     if (reader_->series().empty() || camera_.trusts_times) return;
     std::vector<std::filesystem::path> files;
     for (const ImageFile& file : reader_->series()) files.push_back(file.path);
-    const auto stray = camera_.timestamps.empty() ? files::stray_file(files) : std::nullopt;
-    if (stray)
-      contradict(
-          fmt::format("{0} is not named like the other files, and counts as a picture: if it is none of the "
-                      "series, move it to another folder, since every picture after it is a frame late; if it "
-                      "is one, add trust_times: true",
-                      stray->filename().string()));
+    // Whoever lists a time for each of them knows them.
+    if (camera_.timestamps.size() != files.size())
+      if (const auto strays = files::stray_files(files); !strays.empty()) contradict(about_strays(strays));
     order_.emplace(std::move(files));
   }
 
@@ -513,10 +524,11 @@ class Stream {
   void note_left_out() {
     if (back_count_ > 0)
       warn(fmt::format(
-          "its time stamps go back, first at frame {} (at {:.3f} s), by up to {:.3f} s: {} frames are left out. {}",
+          "its time stamps go back, first at frame {} (at {:.3f} s), by up to {:.3f} s: {} frames are left out{}",
           first_back_.first, capture::seconds(first_back_.second), capture::seconds(furthest_back_), back_count_,
-          camera_.topic.empty() ? "If the pictures are in order, give fps or timestamps"
-                                : "Sort the bag's messages by time (`mcap sort`)"));
+          reader_->wrong_times()  ? ""  // says what to do
+          : camera_.topic.empty() ? ". If the pictures are in order, give fps or timestamps"
+                                  : ". Sort the bag's messages by time (`mcap sort`)"));
     if (unstamped_ > 0 && last_stamp_)
       warn(fmt::format("{} frames have no time stamp and are left out: give fps or timestamps", unstamped_));
   }

@@ -21,6 +21,7 @@
 #include "capture/jpeg/jpeg_reader.h"
 #include "recordings/image_series.h"
 #include "recordings/joined_parts.h"
+#include "recordings/mpeg4_clock.h"
 #include "recordings/picture_decoder.h"
 #include "recordings/picture_order.h"
 #include "recordings/stream_parts.h"
@@ -412,6 +413,13 @@ struct VideoReader::Impl {
     const bool is_trimmed = (packet->flags & AV_PKT_FLAG_DISCARD) != 0;
     packet->flags &= ~AV_PKT_FLAG_DISCARD;  // the order leaves them out, not the decoder
     if (packet->size > 0) {
+      const bool begins_anew = codec.codec().codec_id == AV_CODEC_ID_MPEG4 && (packet->flags & AV_PKT_FLAG_KEY) != 0 &&
+                               encoder_clock.begins_again({packet->data, static_cast<std::size_t>(packet->size)});
+      if (begins_anew) {
+        decode_rest();
+        codec.begin_anew();
+        order.begin_anew();
+      }
       if (codec.examine(*packet)) {
         const bool has_pts = packet->pts != AV_NOPTS_VALUE;
         const bool is_key = (packet->flags & AV_PKT_FLAG_KEY) != 0;
@@ -423,10 +431,20 @@ struct VideoReader::Impl {
           order.stamps_repeat();
         else
           order.sent(has_pts ? std::optional(packet->pts) : std::nullopt, is_trimmed, is_key);
-        if (has_pts) sent_key = std::max(sent_key, packet->pts), sent_last = packet->pts;
+        if (has_pts) sent_key = std::max(sent_key, packet->pts), sent_last = packet->pts, sent_for = packet->duration;
       }
       if (packet->size > 0 && codec.send(packet.get()) < 0) order.failed();  // an empty one would be the end
     }
+    receive();
+  }
+
+  // A B frame that no placeholder followed, whose time would be the next one.
+  void decode_packed() {
+    const capture::PacketPtr packed(capture::not_null(av_packet_alloc()));
+    if (!codec.take_packed(*packed) || !sent_last) return;
+    packed->pts = sent_key + sent_for;
+    order.sent(packed->pts);
+    if (codec.send(packed.get()) < 0) order.failed();
     receive();
   }
 
@@ -439,6 +457,7 @@ struct VideoReader::Impl {
 
   void decode_rest() {
     if (!is_delayed) return;
+    decode_packed();
     codec.send(nullptr);
     receive();
     order.end();
@@ -597,12 +616,12 @@ struct VideoReader::Impl {
     ended = true;
     // An empty chunk of an AVI stands for a picture that was dropped.
     if (const auto gaps = order.gaps();
-        is_avi && gaps.count > 0 && !damaged && camera.fps == 0 && camera.timestamps.empty())
+        is_avi && gaps.count > 0 && !damaged && repeated == 0 && camera.fps == 0 && camera.timestamps.empty())
       warnings.push_back(camera.frames.string() + ": has empty chunks at " + std::to_string(gaps.count) +
                          (gaps.count == 1 ? " place" : " places") + ", first after picture " +
                          std::to_string(gaps.first_after - 1) +
                          " of the file: they count as frames that the camera dropped; if it dropped none, give fps");
-    if (camera.fps == 0 && camera.timestamps.empty() && !joined) note_joints();
+    if (camera.fps == 0 && camera.timestamps.empty() && !joined && repeated == 0) note_joints();
     sum_up(lost_warnings, "frames that do not decode");
     sum_up(damage_warnings, "damaged places");
   }
@@ -640,6 +659,7 @@ struct VideoReader::Impl {
   AVStream* stream = nullptr;           // of format
   capture::StreamDecoder codec;
   PictureOrder order;  // of a delayed decoder's
+  Mpeg4Clock encoder_clock;
   capture::JpegReader jpeg;
   capture::PacketPtr packet{capture::not_null(av_packet_alloc())};
   capture::PictureMaker pictures;
@@ -663,6 +683,7 @@ struct VideoReader::Impl {
   // Keys order the pictures: time stamps with a delayed decoder, else packet counts.
   std::int64_t sent_key = -1;
   std::optional<std::int64_t> sent_last = {};  // stamp
+  std::int64_t sent_for = 0;                   // ticks: how long its picture is shown
   std::set<std::size_t> key_pictures = {};     // hashes of their bytes
   std::int64_t repeated = 0, first_repeated = 0;
   std::optional<std::int64_t> broken_from;

@@ -386,6 +386,7 @@ std::vector<WrongFile> wrong_files() {
        "legacy: true and inverted: true"},
       {"dictionary", with(even, [](Board& b) { b.dictionary = "DICT_5X5_100"; }), even, "dictionary: DICT_5X5_50"},
       {"kalibr", with(bottom, [](Board& b) { b.border_bits = 2; }), grid, "border_bits: 2 and numbered_from: bottom"},
+      {"kalibr_without_its_border", with(bottom, [](Board& b) { b.border_bits = 2; }), bottom, "border_bits: 2"},
       {"border", with(grid, [](Board& b) { b.border_bits = 2; }), grid, "border_bits: 2"}};
 }
 

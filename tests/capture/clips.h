@@ -45,7 +45,8 @@ struct Clip {
   Fields fields = Fields::none;
   double turned_deg = 0;  // clockwise, as a tag of the container
   AVRational pixel_shape{1, 1};
-  bool standard_huffman = false;  // mjpeg: the tables that webcams use, and leave out
+  bool standard_huffman = false;                  // mjpeg: the tables that webcams use, and leave out
+  std::function<void(AVFrame&, int)> paint = {};  // instead of the levels
   // Sees every coded packet before it goes into the file; false leaves it out.
   std::function<bool(int, AVPacket&)> tamper = {};
 };
@@ -164,7 +165,10 @@ inline void write_clip(const std::filesystem::path& file, const Clip& clip) {
     check(av_frame_get_buffer(frame.get(), 0), "frame");
     frame->interlaced_frame = clip.fields != Clip::Fields::none ? 1 : 0;
     frame->top_field_first = clip.fields == Clip::Fields::top_first ? 1 : 0;
-    paint(*frame, k);
+    if (clip.paint)
+      clip.paint(*frame, k);
+    else
+      paint(*frame, k);
     frame->pts = k;
     check(avcodec_send_frame(codec.get(), frame.get()), "encode");
     write_packets();

@@ -2,6 +2,9 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
+#include <new>
+
 #include "capture/ffmpeg/ffmpeg_objects.h"
 #include "capture/ffmpeg/ffmpeg_picture.h"
 
@@ -30,28 +33,103 @@ int first_component(const Image& image, int u, int v) {
   return image.format == PixelFormat::bgr ? bgr_at(image, u, v).b : yuv_at(image, u, v).y;
 }
 
-// Four pixels share a colour, converted or not.
-TEST(PictureMaker, ConvertedPicturesKeepTheirColoursInPlace) {
-  constexpr int size = 16;
+struct Rgb {
+  double r, g, b;
+};
+
+// red, blue: their shares in luma
+Rgb rgb_of(double y, double u, double v, double red, double blue, ColorRange range) {
+  const bool is_full = range == ColorRange::full;
+  y = is_full ? y : (y - 16) * 255 / 219, u = (u - 128) * (is_full ? 1 : 255. / 224);
+  v = (v - 128) * (is_full ? 1 : 255. / 224);
+  const double r = y + 2 * (1 - red) * v, b = y + 2 * (1 - blue) * u;
+  return {r, (y - red * r - blue * b) / (1 - red - blue), b};
+}
+
+void expect_color(const Image& image, int u, int v, const Rgb& expected) {
+  const Yuv yuv = yuv_at(image, u, v);
+  const Rgb shown = rgb_of(yuv.y, yuv.u, yuv.v, 0.299, 0.114, image.range);  // ITU-R BT.601
+  EXPECT_NEAR(shown.r, expected.r, 2) << name(image.format) << u << ' ' << v;
+  EXPECT_NEAR(shown.g, expected.g, 2) << name(image.format) << u << ' ' << v;
+  EXPECT_NEAR(shown.b, expected.b, 2) << name(image.format) << u << ' ' << v;
+}
+
+FramePtr frame_of(AVPixelFormat format, AVColorSpace matrix, AVColorRange range, int size) {
   FramePtr frame(not_null(av_frame_alloc()));
-  frame->format = AV_PIX_FMT_YUV420P;
-  frame->colorspace = AVCOL_SPC_BT709;
+  frame->format = format, frame->colorspace = matrix, frame->color_range = range;
   frame->width = frame->height = size;
-  ASSERT_EQ(av_frame_get_buffer(frame.get(), 0), 0);
-  const auto v_of = [](int x, int y) { return 90 + 20 * ((x / 2 + y / 2) % 5); };
-  for (int y = 0; y < size; ++y)
-    for (int x = 0; x < size; ++x) {
-      frame->data[0][y * frame->linesize[0] + x] = 120;
-      frame->data[1][y / 2 * frame->linesize[1] + x / 2] = 128;
-      frame->data[2][y / 2 * frame->linesize[2] + x / 2] = static_cast<std::uint8_t>(v_of(x, y));
+  if (av_frame_get_buffer(frame.get(), 0) != 0) throw std::bad_alloc();
+  return frame;
+}
+
+// Pixels that share a colour still do.
+TEST(PictureMaker, PicturesOfAnotherMatrixKeepTheirColoursInPlace) {
+  constexpr int size = 16;
+  struct Matrix {
+    AVColorSpace tag;
+    double red, blue;
+  };
+  struct Format {
+    AVPixelFormat tag;
+    PixelFormat ours;
+    int shared_columns, shared_rows;
+  };
+  for (const Matrix& matrix : {Matrix{AVCOL_SPC_BT709, 0.2126, 0.0722}, Matrix{AVCOL_SPC_BT2020_NCL, 0.2627, 0.0593}})
+    for (const ColorRange range : {ColorRange::limited, ColorRange::full})
+      for (const Format& format :
+           {Format{AV_PIX_FMT_YUV420P, PixelFormat::i420, 2, 2}, Format{AV_PIX_FMT_YUV422P, PixelFormat::i422, 2, 1},
+            Format{AV_PIX_FMT_YUV444P, PixelFormat::i444, 1, 1}, Format{AV_PIX_FMT_NV12, PixelFormat::i420, 2, 2}}) {
+        FramePtr frame =
+            frame_of(format.tag, matrix.tag, range == ColorRange::full ? AVCOL_RANGE_JPEG : AVCOL_RANGE_MPEG, size);
+        const auto v_of = [&](int x, int y) {
+          return 90 + 20 * ((x / format.shared_columns + y / format.shared_rows) % 5);
+        };
+        const bool is_nv12 = format.tag == AV_PIX_FMT_NV12;
+        for (int y = 0; y < size; ++y)
+          for (int x = 0; x < size; ++x) {
+            const int color_x = x / format.shared_columns, color_y = y / format.shared_rows;
+            frame->data[0][y * frame->linesize[0] + x] = 120;
+            std::uint8_t* u = frame->data[1] + color_y * frame->linesize[1] + (is_nv12 ? 2 : 1) * color_x;
+            std::uint8_t* v = is_nv12 ? u + 1 : frame->data[2] + color_y * frame->linesize[2] + color_x;
+            *u = 112, *v = static_cast<std::uint8_t>(v_of(x, y));
+          }
+        PictureMaker maker;
+        const auto image = maker.image_of(std::move(frame), AV_CODEC_ID_H264);
+        ASSERT_TRUE(image);
+        ASSERT_EQ(image->format, format.ours);
+        for (int y = 0; y < size; ++y)
+          for (int x = 0; x < size; ++x)
+            expect_color(*image, x, y, rgb_of(120, 112, v_of(x, y), matrix.red, matrix.blue, range));
+      }
+}
+
+// A row of 4:2:0's colours belongs to every second row of the picture, four of which it spans.
+TEST(PictureMaker, FieldsKeepTheirOwnColours) {
+  constexpr int size = 16;
+  for (const bool is_whole : {true, false})
+    for (const AVPixelFormat format : {AV_PIX_FMT_YUV420P, AV_PIX_FMT_NV12, AV_PIX_FMT_YUV422P}) {
+      FramePtr frame = frame_of(format, AVCOL_SPC_BT709, AVCOL_RANGE_MPEG, size);
+      frame->interlaced_frame = frame->top_field_first = 1;
+      const Yuv fields[] = {{150, 90, 110}, {100, 120, 190}};
+      const bool is_nv12 = format == AV_PIX_FMT_NV12;
+      for (int y = 0; y < size; ++y) std::fill_n(frame->data[0] + y * frame->linesize[0], size, fields[y % 2].y);
+      for (int y = 0; y < (format == AV_PIX_FMT_YUV422P ? size : size / 2); ++y)
+        for (int x = 0; x < size / 2; ++x) {
+          std::uint8_t* u = frame->data[1] + y * frame->linesize[1] + (is_nv12 ? 2 : 1) * x;
+          *u = fields[y % 2].u, *(is_nv12 ? u + 1 : frame->data[2] + y * frame->linesize[2] + x) = fields[y % 2].v;
+        }
+      PictureMaker maker;
+      if (is_whole) maker.keep_fields(false);
+      const auto image = maker.image_of(std::move(frame), AV_CODEC_ID_H264);
+      ASSERT_TRUE(image);
+      for (const FirstField field : {FirstField::top, FirstField::bottom}) {
+        if (!is_whole && field == FirstField::bottom) continue;
+        const Image played = is_whole ? first_field(*image, field) : *image;
+        const Yuv& own = fields[field == FirstField::top ? 0 : 1];
+        for (int y = 0; y < size; ++y)
+          expect_color(played, y, y, rgb_of(own.y, own.u, own.v, 0.2126, 0.0722, ColorRange::limited));
+      }
     }
-  PictureMaker maker;
-  const auto image = maker.image_of(std::move(frame), AV_CODEC_ID_H264);
-  ASSERT_TRUE(image);
-  ASSERT_EQ(image->format, PixelFormat::bgr);
-  for (int y = 0; y < size; ++y)
-    for (int x = 0; x < size; ++x)  // ITU-R BT.709, limited range
-      EXPECT_NEAR(bgr_at(*image, x, y).r, 1.164 * (120 - 16) + 1.793 * (v_of(x, y) - 128), 2) << x << ' ' << y;
 }
 
 TEST(PictureLayout, TurnsEveryFormatByEveryTag) {

@@ -133,8 +133,15 @@ TEST_F(FieldCases, OrdersOfFilesThatThePicturesContradictAreNamed) {
   }
 }
 
-// One picture before the others, and every later one is a frame late: 38 mm.
-TEST_F(FieldCases, AStrayPictureInAFolderIsNamed) {
+// A picture before the others, and every later one is a frame late: 38 mm.
+TEST_F(FieldCases, StrayPicturesInAFolderAreNamed) {
+  std::ofstream(folder_ / "t.csv") << "frame,t_s\n"
+                                   << [] {
+                                        std::string rows;
+                                        for (int k = 0; k < 120; ++k)
+                                          rows += std::to_string(k) + ',' + std::to_string(k / 30.) + '\n';
+                                        return rows;
+                                      }();
   for (const std::string camera : {"cam0", "cam1"}) {
     fs::create_directories(folder_ / camera);
     for (int k = 1; k <= 120; ++k)
@@ -142,11 +149,20 @@ TEST_F(FieldCases, AStrayPictureInAFolderIsNamed) {
                     folder_ / camera / ("frame_" + std::to_string(k) + ".jpg"));
     fs::copy_file(folder_ / camera / "frame_1.jpg", folder_ / camera / "background.jpg");
   }
-  const std::string at_30 = ", fps: 30", all = "/*.jpg\"" + at_30, numbered = "/frame_*.jpg\"" + at_30;
-  const Replayed stray = replay({recording("frames: \"cam0" + all, "frames: \"cam1" + all)});
-  EXPECT_EQ(stray.status, 3) << stray.text;
-  EXPECT_THAT(stray.text, HasSubstr("background.jpg is not named like the other files"));
-  const Replayed right = replay({recording("frames: \"cam0" + numbered, "frames: \"cam1" + numbered)});
+  const auto played = [&](const std::string& what) {
+    return replay({recording("frames: \"cam0/" + what, "frames: \"cam1/" + what)});
+  };
+  for (const std::string times : {"fps: 30", "timestamps: t.csv"}) {
+    const Replayed stray = played("*.jpg\", " + times);
+    EXPECT_EQ(stray.status, 3) << stray.text;
+    EXPECT_THAT(stray.text, HasSubstr("background.jpg is not named like the other files"));
+  }
+  for (const std::string camera : {"cam0", "cam1"})
+    fs::copy_file(folder_ / camera / "frame_1.jpg", folder_ / camera / "test_old.jpg");
+  const Replayed two = played("*.jpg\", fps: 30");
+  EXPECT_EQ(two.status, 3) << two.text;
+  EXPECT_THAT(two.text, HasSubstr("background.jpg, test_old.jpg are not named like the other files"));
+  const Replayed right = played("frame_*.jpg\", fps: 30");
   EXPECT_EQ(right.status, 0) << right.text;
   EXPECT_LT(right.rms_mm, 3.5) << right.text;
 }

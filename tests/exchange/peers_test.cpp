@@ -376,6 +376,60 @@ TEST_F(Peers, RtabmapIsRosInOpenCvsSyntax) {
   expect_rig(import_rig(three).rig, first);
 }
 
+// camera_calibration's ost.txt and camera_calibration_parsers' INI.
+std::string ost(const std::string& name, const calib::Camera& camera) {
+  const auto rows = [](const std::vector<double>& m, std::size_t columns) {
+    std::string out;
+    for (std::size_t i = 0; i < m.size(); i += columns)
+      out += fmt::format("{}\n", fmt::join(m.begin() + long(i), m.begin() + long(i + columns), " "));
+    return out;
+  };
+  const auto k = k_of(camera);
+  return fmt::format(
+      "# oST version 5.0 parameters\r\n\n\n[image]\n\nwidth\n320\n\nheight\n240\n\n[{}]\n\ncamera "
+      "matrix\n{}\ndistortion\n"
+      "{}\nrectification\n1 0 0\n0 1 0\n0 0 1\n\nprojection\n{} 0 {} 0\n0 {} {} 0\n0 0 1 0\n\n",
+      name, rows(k, 3), rows(d_of(camera), 5), k[0], k[2], k[4], k[5]);
+}
+
+TEST_F(Peers, RosIni) {
+  const calib::CameraRig rig = truth();
+  for (const std::string name : {"ost.ini", "ost.txt"}) {
+    const Imported in = import(name, ost("left", rig.cameras[0]));
+    ASSERT_EQ(in.rig.cameras.size(), 1u);
+    EXPECT_EQ(in.rig.cameras[0].name, "left");
+    expect_lens(in.rig.cameras[0], rig.cameras[0]);
+  }
+  EXPECT_EQ(detect_format(folder_ / "ost.ini"), ExchangeFormat::ros);
+  const std::string pair = ost("stereo/left", rig.cameras[0]) + ost("stereo/right", rig.cameras[1]);
+  EXPECT_THAT(error_of("stereo.ini", pair), HasSubstr("no poses for stereo_left, stereo_right"));
+  const Imported right = import("stereo.ini", pair, {.cameras = {"stereo_right"}});
+  ASSERT_EQ(right.rig.cameras.size(), 1u);
+  expect_lens(right.rig.cameras[0], rig.cameras[1]);
+  EXPECT_THAT(error_of("a.ini", "[image]\nwidth\n320\nheight\n240\n[c]\n1 2 3\ncamera matrix\n"),
+              HasSubstr("a.ini:7: has numbers without a name"));
+}
+
+// Its lengths are centimetres.
+TEST_F(Peers, Panoptic) {
+  const calib::CameraRig rig = truth();
+  std::string list;
+  for (const calib::Camera& camera : rig.cameras) {
+    const auto k = k_of(camera), r = rotation_of(camera.cam_from_world),
+               t = translation_of(camera.cam_from_world, 0.01);
+    list += fmt::format(
+        "{}{{\"name\": \"{}\", \"type\": \"hd\", \"resolution\": [320, 240], \"panel\": 0, \"node\": 1, \"K\": "
+        "[[{}, 0, {}], [0, {}, {}], [0, 0, 1]], \"distCoef\": [{}], \"R\": [[{}, {}, {}], [{}, {}, {}], [{}, {}, "
+        "{}]], \"t\": [[{}], [{}], [{}]]}}",
+        list.empty() ? "" : ", ", camera.name, k[0], k[2], k[4], k[5], numbers(d_of(camera)), r[0], r[1], r[2], r[3],
+        r[4], r[5], r[6], r[7], r[8], t[0], t[1], t[2]);
+  }
+  const std::string text = "{\"calibDataSource\": \"160906_calib_norm\", \"cameras\": [" + list + "]}";
+  expect_rig(import("calibration.json", text, {.metres_per_unit = 0.01}).rig);
+  EXPECT_EQ(detect_format(folder_ / "calibration.json"), ExchangeFormat::panoptic);
+  EXPECT_THAT(error_of("calibration.json", text), AllOf(HasSubstr("give --unit cm"), HasSubstr("--unit mm")));
+}
+
 TEST_F(Peers, CoefficientsThatAreZeroAreNone) {
   const calib::Camera camera = truth().cameras[0];
   for (const std::size_t count : {4, 5, 8, 12, 14}) {
@@ -405,6 +459,13 @@ TEST_F(Peers, ARefusalNamesTheToolAndTheKeys) {
   EXPECT_THAT(error_of("qualisys.xml", "<?xml version='1.0'?><calibration created='x'><cameras/></calibration>"),
               HasSubstr("Qualisys"));
   EXPECT_THAT(error_of("list.json", "[1, 2]"), HasSubstr("no keys"));
+  EXPECT_THAT(
+      error_of("transforms.json", R"({"camera_angle_x": 0.7, "fl_x": 900, "frames": [{"file_path": "a.png"}]})"),
+      AllOf(HasSubstr("transforms.json of nerfstudio or instant-ngp"), HasSubstr("camera_angle_x, fl_x, frames")));
+  EXPECT_THAT(error_of("results-cam.txt",
+                       "Calibration results \n====================\nCamera-system parameters:\n"
+                       "\tcam0 (/cam0/image_raw):\n\t    type: <class 'x'>\n"),
+              AllOf(HasSubstr("Kalibr's report"), HasSubstr("camchain.yaml")));
   EXPECT_THAT(error_of("wrong.toml", toml_section("cam_0", truth().cameras[0], 1), {.format = ExchangeFormat::ros}),
               AllOf(HasSubstr("--from, ros"), HasSubstr("looks like aniposelib")));
   EXPECT_THAT(error_of("anchors.yaml", "a: &x [1]\nb: *x\n"), HasSubstr("anchors.yaml:2"));

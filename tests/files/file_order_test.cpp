@@ -134,18 +134,31 @@ TEST(FileOrder, HexadecimalNumbersAreNumbers) {
   EXPECT_FALSE(hold_an_order(hashes));
 }
 
-TEST(FileOrder, AFileThatIsNotOfTheSeriesIsKnown) {
-  for (const char* stray : {"background.jpg", "thumb.jpg", "cal2.jpg", "img1 (1).jpg", "img_0001_copy.jpg"}) {
-    std::vector<std::filesystem::path> files{stray};
-    for (int k = 1; k <= 12; ++k) files.push_back("img" + std::to_string(k) + ".jpg");
-    EXPECT_EQ(stray_file(files), files.front());
-    files.erase(files.begin());
-    EXPECT_EQ(stray_file(files), std::nullopt);
+TEST(FileOrder, FilesThatAreNotOfTheSeriesAreKnown) {
+  for (const std::vector<std::string>& names : {std::vector<std::string>{"background.jpg"},
+                                                {"thumb.jpg"},
+                                                {"cal2.jpg"},
+                                                {"bg100.jpg"},
+                                                {"img101 (1).jpg"},
+                                                {"img_0101_copy.jpg"},
+                                                {"background.jpg", "test_old.jpg"},
+                                                {"background.jpg", "test_1.jpg", "test_2.jpg"},
+                                                {"img101 (1).jpg", "img102 (1).jpg"},
+                                                {"img101_old.jpg", "img102_old.jpg"}}) {
+    std::vector<std::filesystem::path> strays(names.begin(), names.end()), series;
+    for (int k = 101; k <= 112; ++k) series.push_back("img" + std::to_string(k) + ".jpg");
+    EXPECT_THAT(stray_files(series), testing::IsEmpty());
+    series.insert(series.end(), strays.begin(), strays.end());
+    EXPECT_THAT(stray_files(sorted(series)), testing::UnorderedElementsAreArray(strays));
   }
-  // A series that goes on under another name, and one across zero.
-  EXPECT_EQ(stray_file({"a_1.jpg", "a_2.jpg", "a_3.jpg", "b_4.jpg", "b_5.jpg"}), std::nullopt);
-  EXPECT_EQ(stray_file({"f-1.jpg", "f0.jpg", "f1.jpg", "f2.jpg"}), std::nullopt);
-  EXPECT_EQ(stray_file({"left.jpg", "right.jpg", "top.jpg"}), std::nullopt);
+  // A series that goes on under another name, one with remarks, and one across zero.
+  EXPECT_THAT(stray_files({"a_1.jpg", "a_2.jpg", "a_3.jpg", "b_4.jpg", "b_5.jpg"}), testing::IsEmpty());
+  for (const std::string other : {"_b", "_bad"})
+    EXPECT_THAT(stray_files(sorted({"a_1.jpg", "a_2.jpg", "a_3_bad.jpg", "a_4.jpg", "a_5" + other + ".jpg", "a_6.jpg",
+                                    "a_7.jpg", "a_8.jpg"})),
+                testing::IsEmpty());
+  EXPECT_THAT(stray_files({"f-1.jpg", "f0.jpg", "f1.jpg", "f2.jpg"}), testing::IsEmpty());
+  EXPECT_THAT(stray_files({"left.jpg", "right.jpg", "top.jpg"}), testing::IsEmpty());
 }
 
 // Of which a pattern leaves out those that end with a letter.

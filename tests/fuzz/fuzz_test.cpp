@@ -193,6 +193,9 @@ std::vector<std::string> exchanged(const calib::CameraRig& rig) {
   add({.format = ExchangeFormat::aniposelib}, 15);
   add({.format = ExchangeFormat::caliscope}, 19);
   add({.format = ExchangeFormat::caliscope}, 23);  // by its looks
+  seeds.push_back(std::string(1, '\0') +
+                  "[image]\nwidth\n640\nheight\n480\n[left]\ncamera matrix\n500 0 320\n0 500 240\n0 0 1\n"
+                  "distortion\n0.1 -0.2 0.001 0.002 0\n");
   return seeds;
 }
 

@@ -3,9 +3,11 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <fstream>
 
+#include "capture/clips.h"
 #include "capture/comb_film.h"
 #include "capture/temporary_folder.h"
 #include "recordings/replay_source.h"
@@ -44,6 +46,41 @@ TEST(CombWatch, IsAskedOfEveryRecording) {
   EXPECT_THAT(mistakes(), testing::ElementsAre(HasSubstr("is interlaced: every picture holds two moments")));
   recording.cameras[0].first_field = capture::FirstField::top;
   EXPECT_THAT(mistakes(), testing::IsEmpty());
+}
+
+// HD video of interlaced cameras: the matrix of its colours is BT.709's.
+TEST(CombWatch, SeesTheColoursAsTheyAreCoded) {
+  const capture::TemporaryFolder folder;
+  for (const auto matrix : {AVCOL_SPC_BT709, AVCOL_SPC_SMPTE170M})
+    for (const bool is_mixed : {false, true}) {
+      std::mt19937_64 random(1);
+      capture::Clip clip{.format = AV_PIX_FMT_YUV420P, .matrix = matrix, .width = 160, .height = 120, .frames = 80};
+      clip.fields = capture::Clip::Fields::top_first;
+      clip.paint = [&](AVFrame& frame, int k) {
+        const auto image =
+            capture::comb_picture({.rows = CombRows::top_first, .mixes_colors = is_mixed}, k % 8, random);
+        for (int plane = 0; plane < 3; ++plane) {
+          const auto at = std::size_t(plane);
+          for (int y = 0; y < capture::plane_rows(image.format, plane, image.height); ++y)
+            std::copy_n(image.planes[at].data + y * image.planes[at].stride,
+                        capture::plane_row_bytes(image.format, plane, image.width),
+                        frame.data[at] + y * frame.linesize[at]);
+        }
+      };
+      capture::write_clip(folder / "a.mkv", clip);
+      Recording recording;
+      recording.cameras.resize(1);
+      recording.cameras[0].name = "cam";
+      recording.cameras[0].frames = folder / "a.mkv";
+      const std::vector<std::string> names{"cam"};
+      ReplaySource source(recording, names, {});
+      while (source.next({})) {
+      }
+      if (is_mixed)
+        EXPECT_THAT(source.mistakes(), testing::ElementsAre(HasSubstr("its colours are mixed from both fields")));
+      else
+        EXPECT_THAT(source.mistakes(), testing::IsEmpty());
+    }
 }
 
 TEST(CombWatch, HasAMarginInAllFilmsBesideTheProject) {

@@ -103,6 +103,24 @@ TEST(PictureOrder, GapsOfAnEncoderThatWaitsAreNoDroppedFrames) {
     }
 }
 
+// I P B twice, each from packets 0, 2, 3 of its encoder, which has kept a last picture.
+TEST(PictureOrder, AnotherEncoderWaitsAnew) {
+  for (const int delay : {0, 1}) {
+    PictureOrder order;
+    order.take_times_of_decoding(delay);
+    for (const int first : {0, 4}) {
+      order.sent(first, false, true), order.sent(first + 2), order.shown(first, frame(first + 1));
+      order.sent(first + 3), order.shown(first + 3, frame(first + 2));
+      order.shown(first + 2, frame(first + 3));
+      order.end();
+      order.begin_anew();
+    }
+    EXPECT_THAT(taken(order), ElementsAre(std::pair(0, 1), std::pair(1, 2), std::pair(2, 3), std::pair(4, 5),
+                                          std::pair(5, 6), std::pair(6, 7)));
+    EXPECT_EQ(order.gaps().count, 0);
+  }
+}
+
 // I P B B in an AVI of FFmpeg: a stamp is that of the picture shown as many before as the decoder's delay. The last
 // ones are in no file.
 TEST(PictureOrder, TimesOfDecodingAreThoseOfPicturesShownBefore) {

@@ -14,6 +14,8 @@ extern "C" {
 #include <numbers>
 #include <utility>
 
+#include "capture/ffmpeg/color_matrix.h"
+
 namespace huetrack::capture {
 
 void FreeScaler::operator()(SwsContext* p) const {
@@ -85,20 +87,6 @@ ColorRange range_of(const AVFrame& frame, AVCodecID codec) {
   return is_grey || codec == AV_CODEC_ID_MJPEG || codec == AV_CODEC_ID_JPEGLS ? ColorRange::full : ColorRange::limited;
 }
 
-// Our YUV formats imply BT.601.
-bool has_other_matrix(const AVFrame& frame) {
-  switch (frame.colorspace) {
-    case AVCOL_SPC_UNSPECIFIED:
-    case AVCOL_SPC_RGB:
-    case AVCOL_SPC_BT470BG:
-    case AVCOL_SPC_SMPTE170M:
-    case AVCOL_SPC_FCC:
-      return false;
-    default:
-      return true;
-  }
-}
-
 // nullptr when FFmpeg cannot convert it.
 FramePtr converted(const AVFrame& source, ColorRange range, ScalerPtr& scaler) {
   const auto format = static_cast<AVPixelFormat>(source.format);
@@ -106,7 +94,6 @@ FramePtr converted(const AVFrame& source, ColorRange range, ScalerPtr& scaler) {
   if (!described || sws_isSupportedInput(format) == 0) return nullptr;
   FramePtr target(not_null(av_frame_alloc()));
   target->format = nearest_format(*described, source.width, source.height);
-  if (target->format != AV_PIX_FMT_GRAY8 && has_other_matrix(source)) target->format = AV_PIX_FMT_BGR24;
   target->width = source.width;
   target->height = source.height;
   if (av_frame_get_buffer(target.get(), 0) < 0) return nullptr;
@@ -118,11 +105,10 @@ FramePtr converted(const AVFrame& source, ColorRange range, ScalerPtr& scaler) {
                            SWS_POINT | SWS_ACCURATE_RND | SWS_BITEXACT | SWS_FULL_CHR_H_INT | SWS_FULL_CHR_H_INP,
                            nullptr, nullptr, nullptr));
   if (!scaler) return nullptr;
-  // The matrix matters only from YUV to BGR; the range is kept.
+  // Never from YUV to BGR, so the matrix does not matter; the range is kept.
   const int is_full = range == ColorRange::full ? 1 : 0;
-  const int matrix = has_other_matrix(source) ? static_cast<int>(source.colorspace) : SWS_CS_ITU601;
-  sws_setColorspaceDetails(scaler.get(), sws_getCoefficients(matrix), is_full, sws_getCoefficients(SWS_CS_ITU601),
-                           is_full, 0, 1 << 16, 1 << 16);
+  const int* matrix = sws_getCoefficients(SWS_CS_ITU601);
+  sws_setColorspaceDetails(scaler.get(), matrix, is_full, matrix, is_full, 0, 1 << 16, 1 << 16);
   if (sws_scale(scaler.get(), source.data, source.linesize, 0, source.height, target->data, target->linesize) !=
       source.height)
     return nullptr;
@@ -223,13 +209,16 @@ std::optional<Image> PictureMaker::image_of(FramePtr frame, AVCodecID codec) {
   tagged_field_ = is_interlaced && stays_whole ? std::optional(first) : std::nullopt;
   const ColorRange range = range_of(*frame, codec);
   auto ours = pixel_format_of(static_cast<AVPixelFormat>(frame->format), frame->width, frame->height);
-  const bool is_yuv = ours && *ours != PixelFormat::bgr && *ours != PixelFormat::grey;
-  if (!ours || (is_yuv && has_other_matrix(*frame))) {
+  const AVColorSpace matrix = frame->colorspace;
+  const bool is_shuffled = ours == PixelFormat::yuyv || ours == PixelFormat::nv12;
+  if (!ours || (is_shuffled && has_other_matrix(*frame))) {
     if (!fit_samples(*frame, depth_)) return std::nullopt;
     frame = converted(*frame, range, scaler_);
     if (!frame) return std::nullopt;
     ours = pixel_format_of(static_cast<AVPixelFormat>(frame->format), frame->width, frame->height);
   }
+  const bool is_planar = ours == PixelFormat::i420 || ours == PixelFormat::i422 || ours == PixelFormat::i444;
+  if (is_planar && !to_bt601(*frame, matrix, *ours, range, is_interlaced || fields_are_stated_)) return std::nullopt;
   const Image image = wrapped(std::move(frame), *ours, range);
   return turned(is_interlaced && !stays_whole ? first_field(image, first) : image, layout_.orientation);
 }

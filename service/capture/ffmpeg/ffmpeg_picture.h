@@ -24,8 +24,8 @@ using ScalerPtr = std::unique_ptr<SwsContext, FreeScaler>;
 // thread-compatible.
 class PictureMaker {
  public:
-  // nullopt: damaged, or FFmpeg cannot convert it. A picture coded with another matrix than BT.601 becomes BGR; one in
-  // another pixel format becomes the nearest of ours.
+  // nullopt: damaged, or FFmpeg cannot convert it. A picture coded with another matrix than BT.601 gets that one; one
+  // in another pixel format becomes the nearest of ours.
   // Turned as the tags say; of an interlaced one the first field, in full size.
   std::optional<Image> image_of(FramePtr frame, AVCodecID codec);
 

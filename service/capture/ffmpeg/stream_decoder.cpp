@@ -191,4 +191,14 @@ bool StreamDecoder::examine(AVPacket& packet) {
   return true;
 }
 
+bool StreamDecoder::take_packed(AVPacket& packet) {
+  if (!unpacker_) return false;
+  static constexpr std::array<std::uint8_t, 5> not_coded{0, 0, 1, 0xB6, 0x50};  // a picture like the one before
+  if (av_new_packet(&packet, static_cast<int>(not_coded.size())) < 0) return false;
+  std::ranges::copy(not_coded, packet.data);
+  if (av_bsf_send_packet(unpacker_.get(), &packet) < 0 || av_bsf_receive_packet(unpacker_.get(), &packet) < 0)
+    return false;
+  return packet.size > static_cast<int>(not_coded.size());
+}
+
 }  // namespace huetrack::capture

@@ -31,6 +31,10 @@ class StreamDecoder {
   // together get packets of their own; of a PNG, texts and other chunks beside its pixels are removed. False: the
   // packet only adds the second field to the picture that the packet before began.
   bool examine(AVPacket& packet);
+  // At the end: the picture that was packed into the last packet, if none followed that stands for it. False: there is
+  // none.
+  bool take_packed(AVPacket& packet);
+  void begin_anew() { avcodec_flush_buffers(codec_.get()); }  // after the end
 
   int send(const AVPacket* packet) { return avcodec_send_packet(codec_.get(), packet); }  // nullptr: the end
   int receive(AVFrame& frame) { return avcodec_receive_frame(codec_.get(), &frame); }
