@@ -165,6 +165,24 @@ void doubt_camera(WaveReport& report, const WaveResult& result, const WaveCamera
   }
 }
 
+bool is_held(const WaveResult& result) {
+  return std::ranges::any_of(result.cameras,
+                             [](const WaveCamera& c) { return c.partly_seen > WaveCamera::much_partly; });
+}
+
+// A hand moves the centres of outlines in one direction for long: the covariance knows only a part of that.
+void doubt_hands(WaveReport& report, const WaveResult& result) {
+  if (!is_held(result)) return;
+  std::string shares;
+  for (std::size_t c = 0; c < result.cameras.size(); ++c)
+    shares += fmt::format("{}{} {:.0f} %", c == 0 ? "" : ", ", result.rig.cameras[c].name,
+                          1e2 * result.cameras[c].partly_seen);
+  report.doubts.push_back(
+      fmt::format("a hand, or something else, hides a part of the ball ({} of the frames), and {} may be several times "
+                  "less accurate than stated: wave it on a thin stick or a string, or throw it",
+                  shares, result.held_poses ? "times" : "positions and times"));
+}
+
 // Where the ball was: the part of the world for which the rig is good.
 std::string volume_text(const WaveResult& result) {
   const auto text_of = [](const Eigen::Vector3d& p) {
@@ -245,9 +263,9 @@ void doubt_times(WaveReport& report, const WaveResult& result) {
 
 void doubt_positions(WaveReport& report, const WaveResult& result) {
   if (result.rms_px > large_rms_px) {
-    report.doubts.push_back(
-        fmt::format("the ball has an rms error of {:.1f} px: the lenses, the cameras' times or the colour are wrong",
-                    result.rms_px));
+    report.doubts.push_back(fmt::format("the ball has an rms error of {:.1f} px: {}", result.rms_px,
+                                        is_held(result) ? "by what hides it, or wrong lenses or times"
+                                                        : "the lenses, the cameras' times or the colour are wrong"));
   }
   const double expected_m = result.expected_in_volume_m.value_or(result.expected_m);
   if (expected_m > large_error * result.camera_distance_m) {
@@ -320,6 +338,7 @@ WaveReport report_on(const WaveResult& result, Reader reader) {
   }
   for (std::size_t c = 0; c < result.cameras.size(); ++c)
     doubt_camera(report, result, result.cameras[c], result.rig.cameras[c].name);
+  doubt_hands(report, result);
   doubt_times(report, result);
   doubt_positions(report, result);
   if (result.rejected_rig_poses)

@@ -183,10 +183,15 @@ Found find_solution(const calib::CameraRig& rig, const std::vector<BallFrame>& f
   if (best.fits()) return {best.take(), false};
   if (options.hold_poses) {
     const auto solution = best.take();
+    bool is_held = false;
+    for (std::size_t c = 0; c < rig.cameras.size(); ++c)
+      is_held = is_held || solution->partly_seen(c) > WaveCamera::much_partly;
     throw solver::CalibrationError(
-        fmt::format("only {:.0f} % of the frames with the target's colour agree with the poses that the rig has: they "
-                    "are not right, or the cameras' names are swapped",
-                    1e2 * solution->used_share()),
+        fmt::format(
+            "only {:.0f} % of the frames with the target's colour agree with the poses that the rig has: {}they "
+            "are not right, or the cameras' names are swapped",
+            1e2 * solution->used_share(),
+            is_held ? "a hand hides too much of the ball (wave it on a thin stick, or throw it), " : ""),
         solver::Fault::wrong_poses);
   }
   const WaveSolution* const of_rig = best.found().get();
@@ -238,6 +243,7 @@ void set_fit(WaveResult& result, const WaveSolution& wave, const std::vector<Bal
   }
   result.rms_px = std::sqrt(sum / static_cast<double>(std::max<std::size_t>(1, observations.size())));
   for (std::size_t c = 0; c < n; ++c) {
+    result.cameras[c].partly_seen = wave.partly_seen(c);
     result.cameras[c].rms_px = std::sqrt(sums[c] / std::max(1, result.cameras[c].used));
     result.cameras[c].coverage = static_cast<double>(cells[c].size()) / (columns * rows);
   }

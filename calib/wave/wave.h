@@ -60,13 +60,16 @@ struct WaveOptions {
 };
 
 struct WaveCamera {
-  int frames = 0;                   // all
-  double frame_s = 0;               // median interval
-  int seen = 0;                     // frames with a region of the colour that moves
-  int used = 0;                     // of these, consistent with the other cameras
-  double rms_px = 0;                // of those, length
-  double coverage = 0;              // 0..1; share of an 8x6 grid over the image in which the ball was
-  bool has_static_clutter = false;  // of the target's colour; it is ignored
+  int frames = 0;       // all
+  double frame_s = 0;   // median interval
+  int seen = 0;         // frames with a region of the colour that moves
+  int used = 0;         // of these, consistent with the other cameras
+  double rms_px = 0;    // of those, length
+  double coverage = 0;  // 0..1; share of an 8x6 grid over the image in which the ball was
+  // Share of those whose outline is narrower or wider than a whole ball's: something hides a part (a hand).
+  double partly_seen = 0;
+  static constexpr double much_partly = 0.2;  // of partly_seen: a hand holds the ball
+  bool has_static_clutter = false;            // of the target's colour; it is ignored
   // Timing beyond the model: rms lag from second to second (with what poses and path absorbed of it), and its
   // significance (1: noise alone); rms lag from frame to frame; share of fast frames that repeat the one before.
   double wander_s = 0, wander_sigmas = 0, scatter_s = 0, repeated = 0;

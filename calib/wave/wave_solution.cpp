@@ -29,6 +29,9 @@ constexpr double first_sigmas = 20, rough_sigmas = 8, final_sigmas = 4;
 constexpr double narrowest = 0.75, widest = 1.6;
 // Within these limits the error of the centre grows with the misfit of the width, beyond the usual one.
 constexpr double usual_misfit = 0.04, centre_per_misfit = 4;
+// Beyond it something hides a part, or adds to it. Experiment (EXPERIMENTS.md, "Waved by hand"): 2 to 4 % of the
+// outlines of a free ball, 37 to 97 % of one in a hand.
+constexpr double partly_misfit = 0.1;
 constexpr double variance_of_radius2 = 4e-4;  // see WaveOptions::pixel_noise_px
 constexpr double most_cost = 20;              // of one frame in misfit(), squared standard deviations
 
@@ -217,6 +220,18 @@ double WaveSolution::size_ratio() const {
   return ratios.empty() ? 1 : calib::median(ratios);
 }
 
+double WaveSolution::partly_seen(std::size_t camera) const {
+  int used = 0, partly = 0;
+  for (std::size_t f = 0; f < frames_->size(); ++f) {
+    if (chosen_[f] < 0 || index((*frames_)[f].camera) != camera) continue;
+    const auto at = appearance((*frames_)[f], region(f));
+    if (!at) continue;
+    ++used;
+    if ((width_ratio((*frames_)[f], region(f), *at).array() - 1).abs().maxCoeff() > partly_misfit) ++partly;
+  }
+  return used == 0 ? 0 : static_cast<double>(partly) / used;
+}
+
 BallTracks WaveSolution::tracks() const {
   BallTracks t;
   t.of_camera.resize(rig_.cameras.size());
@@ -390,17 +405,25 @@ void WaveSolution::learn_shapes() {
   }
 }
 
+// Widths over those of a whole ball.
+Vector2d WaveSolution::width_ratio(const BallFrame& frame, const color::ColorRegion& region,
+                                   const object_tracking::BallProjection& at) const {
+  const double r2 = at.radius_px * at.radius_px;
+  const Vector2d whole2 = (Vector2d::Constant(r2) + blur2_[index(frame.camera)]).cwiseMax(r2 / 2);
+  return shape_of(region).width_px.cwiseQuotient(whole2.cwiseSqrt());
+}
+
 // The further a region's width is from a whole ball's (partly hidden, or merged), the larger its covariance. nullopt:
 // too far to be used.
 std::optional<Eigen::Matrix2d> WaveSolution::covariance_of(std::size_t f, const color::ColorRegion& region,
                                                            const object_tracking::BallProjection& at) const {
   if (rough_) return Eigen::Matrix2d(Eigen::Matrix2d::Identity());
   const Shape shape = shape_of(region);
+  const Vector2d ratios = width_ratio((*frames_)[f], region, at);
   const double r2 = at.radius_px * at.radius_px;
   Vector2d variance;
   for (const int i : {0, 1}) {
-    const double whole = std::sqrt(std::max(r2 / 2, r2 + blur2_[index((*frames_)[f].camera)][i]));
-    const double ratio = shape.width_px[i] / whole;
+    const double ratio = ratios[i];
     if (ratio < narrowest || ratio > widest) return std::nullopt;
     const double misfit_px = centre_per_misfit * std::max(0.0, std::abs(ratio - 1) - usual_misfit) * at.radius_px;
     variance[i] = options_.pixel_noise_px * options_.pixel_noise_px + variance_of_radius2 * r2 + misfit_px * misfit_px;

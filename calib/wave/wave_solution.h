@@ -50,6 +50,8 @@ class WaveSolution {
     return state_.exposed_s(rig_, frame.camera, frame.t_s, region.centre);
   }
   double size_ratio() const;  // median apparent over expected radius, at the present scale
+  // Share of the camera's outlines, used ones, that are narrower or wider than a whole ball's.
+  double partly_seen(std::size_t camera) const;
   BallTracks tracks() const;
   std::vector<BallObservation> observations() const;
   std::vector<LinearOutline> linear_outlines() const;  // of these, by time
@@ -80,6 +82,8 @@ class WaveSolution {
                                                             const color::ColorRegion& region) const;
   void learn_jerk();
   void learn_shapes();
+  Eigen::Vector2d width_ratio(const BallFrame& frame, const color::ColorRegion& region,
+                              const object_tracking::BallProjection& at) const;
   std::optional<Eigen::Matrix2d> covariance_of(std::size_t f, const color::ColorRegion& region,
                                                const object_tracking::BallProjection& at) const;
   std::optional<double> cost_of(std::size_t f, const color::ColorRegion& region) const;

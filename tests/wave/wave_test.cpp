@@ -617,6 +617,27 @@ TEST(Wave, FlickeringPatchInsteadOfTheBallIsNeverUsable) {
   }
 }
 
+// Fingers cover a fifth of the width of one camera's ball in some of its frames.
+TEST(Wave, AHandThatHidesAPartIsNamed) {
+  const calib::CameraRig truth = rig_of(3);
+  for (const int every : {3, 20}) {
+    std::vector<BallFrame> frames = waved(truth, {});
+    for (std::size_t f = 0; f < frames.size(); ++f) {
+      if (frames[f].camera != 1 || f % static_cast<std::size_t>(every) != 0) continue;
+      for (color::ColorRegion& region : frames[f].regions) {
+        region.centre.x() += 0.2 * 2 * std::sqrt(region.spread(0, 0));
+        region.spread(0, 0) *= 0.8 * 0.8;
+      }
+    }
+    const WaveResult r = calibrate_wave(spoilt(truth, 0.03, 1), frames, taped(truth));
+    const report::WaveReport report = report::report_on(r);
+    EXPECT_NEAR(r.cameras[1].partly_seen, 1.0 / every, 0.03);
+    EXPECT_EQ(r.cameras[0].partly_seen, 0);
+    EXPECT_EQ(report.verdict, every == 3 ? report::Verdict::doubtful : report::Verdict::usable);
+    EXPECT_EQ(testing::Matches(HasSubstr("a hand"))(report::to_text(report, r)), every == 3);
+  }
+}
+
 TEST(Wave, RejectsInvalidOptions) {
   const calib::CameraRig rig = rig_of(2);
   EXPECT_TRUE(WaveOptions{}.problems(rig).empty());
