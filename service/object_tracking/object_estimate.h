@@ -71,7 +71,7 @@ struct ColorShare {
 // Statistics of a target's outline fits (observation: huetrack).
 struct OutlineFindings {
   std::size_t fitted = 0, not_fitted = 0;  // in views with a known background
-  // The radius as measured, at the rig's scale: weighted mean of the views, 1 sigma, smallest and largest of them;
+  // The radius as measured, at the rig's scale: weighted mean of the views, 1 sigma; smallest and largest of all views;
   // nullopt: too few. Blur and limb darkening make it up to 0.25 px smaller, which is most of the sigma.
   std::optional<double> radius_m = {};
   double radius_sigma_m = 0;

@@ -218,9 +218,10 @@ OutlineFindings OutlineSighter::findings() const {
   double sum = 0, weight = 0, views = 0;
   double least = std::numeric_limits<double>::infinity(), largest = -least;
   for (const PerView& of : views_) {
+    if (of.log_size_weight == 0) continue;
+    least = std::min(least, of.log_size), largest = std::max(largest, of.log_size);
     if (of.log_size_weight < outline_sighter.min_sizes) continue;
     sum += of.log_size / of.size_variance, weight += 1 / of.size_variance, ++views;
-    least = std::min(least, of.log_size), largest = std::max(largest, of.log_size);
   }
   if (views == 0) return out;
   out.radius_m = radius_m_ * std::exp(sum / weight);

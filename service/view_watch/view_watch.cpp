@@ -353,6 +353,12 @@ std::pair<double, double> radius_range(const object_tracking::OutlineFindings& o
           outlines.largest_radius_m / target_fault.min_outline_ratio};
 }
 
+bool contradict_radius(const object_tracking::OutlineFindings& outlines, double radius_m) {
+  const double ratio = outlines.largest_radius_m / outlines.least_radius_m;
+  return outlines.largest_radius_m * ratio < target_fault.min_outline_ratio * radius_m ||
+         outlines.least_radius_m / ratio > target_fault.max_outline_ratio * radius_m;
+}
+
 ViewWatch::ViewWatch(const calib::CameraRig& rig, const object_tracking::TargetOptions& target)
     : rig_(rig),
       target_(target),
@@ -669,9 +675,7 @@ std::optional<Mistake> ViewWatch::of_uneven_times() {
 // By the outlines of all views; without them by the regions of consistent pairs.
 std::optional<Mistake> ViewWatch::of_radius(const object_tracking::OutlineFindings& outlines) const {
   if (outlines.radius_m) {
-    const bool is_wrong = outlines.largest_radius_m < target_fault.min_outline_ratio * target_.radius_m ||
-                          outlines.least_radius_m > target_fault.max_outline_ratio * target_.radius_m;
-    if (!is_wrong) return std::nullopt;
+    if (!contradict_radius(outlines, target_.radius_m)) return std::nullopt;
     return Mistake{.kind = MistakeKind::radius, .size = *outlines.radius_m, .range_m = radius_range(outlines)};
   }
   const PairComparison comparison(rig_);

@@ -281,6 +281,21 @@ TEST_F(ViewWatchOfScene, aRigWithSeveralErrors) {
   EXPECT_GT(mistakes[0].off_px, 3);
 }
 
+// A wrong radius shows in all views alike: what they differ by, hands may add in all of them.
+TEST(ViewWatch, OutlinesThatDifferDoNotContradictTheRadius) {
+  const auto outlines = [](double least_m, double largest_m) {
+    return object_tracking::OutlineFindings{
+        .radius_m = std::sqrt(least_m * largest_m), .least_radius_m = least_m, .largest_radius_m = largest_m};
+  };
+  EXPECT_TRUE(contradict_radius(outlines(0.050, 0.051), 0.04));
+  EXPECT_TRUE(contradict_radius(outlines(0.050, 0.050), 0.04)) << "one view";
+  EXPECT_TRUE(contradict_radius(outlines(0.032, 0.033), 0.04));
+  EXPECT_FALSE(contradict_radius(outlines(0.041, 0.043), 0.04));
+  EXPECT_FALSE(contradict_radius(outlines(0.046, 0.050), 0.04)) << "hands";
+  EXPECT_FALSE(contradict_radius(outlines(0.040, 0.050), 0.04)) << "one view is right";
+  EXPECT_FALSE(contradict_radius(outlines(0.028, 0.034), 0.04));
+}
+
 // By outlines, whatever the configured radius.
 TEST_F(ViewWatchOfScene, aWrongRadius) {
   for (const double factor : {0.7, 0.8, 1.25, 1.45}) {
