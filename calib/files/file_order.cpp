@@ -70,13 +70,19 @@ struct Number {
   }
 };
 
-// is_decimal: digits after a point are a fraction.
-Number unsigned_number_at(std::string_view text, std::size_t at, bool is_decimal = false) {
+char lower(char c) {
+  return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+}
+
+constexpr char no_point = 0;
+
+// point: digits behind it are a fraction.
+Number unsigned_number_at(std::string_view text, std::size_t at, char point = no_point) {
   Number number{.end = end_of_number(text, at)};
   number.whole = text.substr(at, number.end - at);
   number.whole.remove_prefix(std::min(number.whole.find_first_not_of('0'), number.whole.size()));
-  if (number.end < text.size() && text[number.end] == '.' && is_digit(text, number.end + 1) &&
-      (is_decimal || is_fraction(text, number.end + 1))) {
+  if (number.end < text.size() && is_digit(text, number.end + 1) &&
+      (lower(text[number.end]) == point || (text[number.end] == '.' && is_fraction(text, number.end + 1)))) {
     const std::size_t begin = number.end + 1;
     number.end = end_of_number(text, begin);
     number.fraction = text.substr(begin, number.end - begin);
@@ -92,10 +98,6 @@ int compare(const Number& a, const Number& b) {
   if (const int c = a.whole.compare(b.whole); c != 0) return c < 0 ? -toward_later : toward_later;
   const int c = a.fraction.value_or("").compare(b.fraction.value_or(""));
   return c < 0 ? -toward_later : c > 0 ? toward_later : 0;
-}
-
-char lower(char c) {
-  return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
 }
 
 // The text between the numbers, which are #. Letters are small.
@@ -209,11 +211,11 @@ class NameOrder {
 
   std::optional<Number> number_at(std::string_view text, std::size_t at) const {
     if (is_digit(text, at))
-      return unsigned_number_at(text, at, !decimal_.empty() && decimal_.contains(skeleton_of(text.substr(0, at))));
+      return unsigned_number_at(text, at, decimal_.empty() ? no_point : point_behind(skeleton_of(text.substr(0, at))));
     if (!may_be_sign(text, at) || signed_.empty()) return std::nullopt;
     const std::string before = skeleton_of(text.substr(0, at));
     if (!signed_.contains(before)) return std::nullopt;
-    Number number = unsigned_number_at(text, at + 1, decimal_.contains(before));
+    Number number = unsigned_number_at(text, at + 1, point_behind(before));
     number.is_negative = text[at] == '-';
     return number;
   }
@@ -241,12 +243,12 @@ class NameOrder {
  private:
   // Where numbers begin: visit(file, its name, place of the first digit, the number).
   template <typename Visit>
-  static void visit_numbers(const std::vector<fs::path>& files, bool are_decimal, Visit visit) {
+  static void visit_numbers(const std::vector<fs::path>& files, char point, Visit visit) {
     for (const fs::path& file : files) {
       const std::string_view name = without_extension(file.native());
       for (std::size_t at = 0; at < name.size(); ++at) {
         if (!is_digit(name, at)) continue;
-        const Number number = unsigned_number_at(name, at, are_decimal);
+        const Number number = unsigned_number_at(name, at, point);
         visit(file, name, at, number);
         at = number.end - 1;
       }
@@ -261,7 +263,7 @@ class NameOrder {
       bool has_other = false;
     };
     std::map<std::string, Seen> places;  // by the text before the number
-    visit_numbers(files, false, [&](const fs::path& file, std::string_view name, std::size_t at, Number number) {
+    visit_numbers(files, no_point, [&](const fs::path& file, std::string_view name, std::size_t at, Number number) {
       const auto note = [&](std::size_t begin) {
         Seen& seen = places[skeleton_of(name.substr(0, begin))];
         seen.values.insert(number.value());
@@ -289,22 +291,34 @@ class NameOrder {
 
   // Times as programs print them, without trailing zeros: 0.9, 0.9333, 1, 1.0333. As fractions the numbers at one place
   // are all different and go on in even steps; parts and counters, as in 1.9, 1.10, do not.
+  // A comma, _, - or p in the place of the point separates numbers as well: only where names drop the fraction's zeros
+  // do the readings differ.
   void find_decimals(const std::vector<fs::path>& files) {
-    std::map<std::string, std::vector<double>> places;  // by the text before the number
-    std::set<std::string> with_fraction;
-    visit_numbers(files, true, [&](const fs::path&, std::string_view name, std::size_t at, Number number) {
-      std::string text = skeleton_of(name.substr(0, at));
-      if (at > 0 && may_be_sign(name, at - 1))
-        if (std::string before = skeleton_of(name.substr(0, at - 1)); signed_.contains(before)) {
-          number.is_negative = name[at - 1] == '-';
-          text = std::move(before);
-        }
-      places[text].push_back(number.value());
-      if (number.fraction) with_fraction.insert(std::move(text));
-    });
-    for (const std::string& text : with_fraction)
-      if (std::vector<double>& values = places[text]; values.size() == files.size() && are_even(values))
-        decimal_.insert(text);
+    for (const char point : std::string_view(".,_-p")) {
+      struct Seen {
+        std::vector<double> values;
+        std::set<std::size_t> digits;  // of the fractions
+      };
+      std::map<std::string, Seen> places;  // by the text before the number
+      visit_numbers(files, point, [&](const fs::path&, std::string_view name, std::size_t at, Number number) {
+        std::string text = skeleton_of(name.substr(0, at));
+        if (at > 0 && may_be_sign(name, at - 1))
+          if (std::string before = skeleton_of(name.substr(0, at - 1)); signed_.contains(before)) {
+            number.is_negative = name[at - 1] == '-';
+            text = std::move(before);
+          }
+        Seen& seen = places[text];
+        seen.values.push_back(number.value());
+        if (number.fraction) seen.digits.insert(number.fraction->size());
+      });
+      for (auto& [text, seen] : places)
+        if (seen.digits.size() >= (point == '.' ? 1 : 2) && seen.values.size() == files.size() && are_even(seen.values))
+          decimal_.try_emplace(text, point);
+    }
+  }
+  char point_behind(const std::string& text) const {
+    const auto point = decimal_.find(text);
+    return point == decimal_.end() ? no_point : point->second;
   }
 
   static bool are_even(std::vector<double>& values) {
@@ -329,8 +343,8 @@ class NameOrder {
     return across < 2 * *middle;
   }
 
-  std::set<std::string> signed_;   // texts before a number with a sign
-  std::set<std::string> decimal_;  // texts before a number with a fraction
+  std::set<std::string> signed_;         // texts before a number with a sign
+  std::map<std::string, char> decimal_;  // texts before a number with a fraction, and its point
   std::optional<Hexadecimal> hexadecimal_;
 };
 
@@ -464,8 +478,10 @@ std::vector<fs::path> several_series(const std::vector<fs::path>& files) {
   std::map<std::string, Series> by_text;
   for (const fs::path& file : files) {
     NameOrder::Parts parts = order.parts_of(without_extension(file.native()));
-    by_text.try_emplace(std::move(parts.text), Series{&file, {}})
-        .first->second.numbers.insert(std::move(parts.numbers));
+    // img1.jpg and img1.png, or IMG1.JPG, are two.
+    std::string letters = file.native();
+    std::erase_if(letters, [](char c) { return !is_letter(c); });
+    by_text.try_emplace(parts.text + letters, Series{&file, {}}).first->second.numbers.insert(std::move(parts.numbers));
   }
   std::vector<const Series*> largest;
   for (const auto& [text, series] : by_text) largest.push_back(&series);

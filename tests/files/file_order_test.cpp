@@ -79,6 +79,38 @@ TEST(FileOrder, EvenDecimalsAreFractions) {
     EXPECT_EQ(sorted(ordered), ordered);
 }
 
+// Seconds as names: where the zeros at the end are dropped, only the reading as fractions has even steps.
+TEST(FileOrder, ThePointMayBeAnotherCharacter) {
+  for (const std::string point : {".", ",", "_", "p", "-"}) {
+    std::vector<std::filesystem::path> ordered;
+    for (int k = 0; k < 150; ++k) {
+      char text[32];
+      std::snprintf(text, sizeof(text), "%.4f", k / 30.0);
+      std::string name = text;
+      while (name.back() == '0' && name[name.size() - 2] != '.') name.pop_back();
+      name.replace(name.find('.'), 1, point);
+      ordered.push_back("cam0/frame_" + name + ".jpg");
+    }
+    EXPECT_EQ(sorted(ordered), ordered) << point;
+    EXPECT_TRUE(hold_an_order(ordered)) << point;
+  }
+  const std::vector<std::filesystem::path> takes{"a_1_8.png", "a_1_9.png", "a_1_10.png", "a_1_11.png", "a_2_1.png"};
+  EXPECT_EQ(sorted(takes), takes) << "two counters";
+}
+
+TEST(FileOrder, OneSeriesTwiceByItsEnding) {
+  for (const std::string other : {"png", "JPG", "jpeg"}) {
+    std::vector<std::filesystem::path> files;
+    for (int k = 0; k < 20; ++k)
+      for (const std::string& ending : {std::string("jpg"), other})
+        files.push_back("cam0/img" + std::to_string(k) + "." + ending);
+    EXPECT_EQ(several_series(files).size(), 2u) << other;
+  }
+  std::vector<std::filesystem::path> goes_on;
+  for (int k = 0; k < 20; ++k) goes_on.push_back("img" + std::to_string(k) + (k < 12 ? ".jpg" : ".JPG"));
+  EXPECT_THAT(several_series(goes_on), testing::IsEmpty());
+}
+
 TEST(FileOrder, CaseDoesNotCount) {
   const std::vector<std::filesystem::path> ordered{"IMG1.JPG", "img2.jpg", "Img3.jpg", "IMG10.JPG"};
   EXPECT_EQ(sorted(ordered), ordered);
