@@ -1,5 +1,7 @@
 #include "recordings/image_series.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <charconv>
 #include <optional>
@@ -46,14 +48,24 @@ std::vector<ImageFile> files_of_pattern(const fs::path& pattern) {
   const std::string_view suffix = std::string_view(name).substr(at + 1);
 
   std::vector<ImageFile> files;
+  std::optional<fs::path> padded_otherwise;
   std::error_code error;
   for (const auto& entry : fs::directory_iterator(pattern.parent_path(), error)) {
     const std::string file = entry.path().filename().string();
     if (file.size() <= prefix.size() + suffix.size() || !file.starts_with(prefix) || !file.ends_with(suffix)) continue;
-    const auto number = printed_number(
-        std::string_view(file).substr(prefix.size(), file.size() - prefix.size() - suffix.size()), width);
-    if (number) files.push_back({*number, *number, entry.path()});
+    const auto text = std::string_view(file).substr(prefix.size(), file.size() - prefix.size() - suffix.size());
+    const auto number = printed_number(text, width);
+    if (number)
+      files.push_back({*number, *number, entry.path()});
+    else if (text.find_first_not_of(digits) == std::string_view::npos)
+      padded_otherwise = padded_otherwise ? std::min(*padded_otherwise, entry.path()) : entry.path();
   }
+  if (padded_otherwise && !files.empty())
+    throw files::ConfigError(
+        *padded_otherwise, 0,
+        fmt::format("has other leading zeros than the pattern {}, which takes {}, so it would be left "
+                    "out: for both give the glob \"{}*{}\", which counts by numbers",
+                    name, files.front().path.filename().string(), prefix, suffix));
   std::ranges::sort(files, {}, &ImageFile::number);
   if (!files.empty() && files.back().number < 0)
     throw files::ConfigError(pattern, 0,

@@ -322,6 +322,14 @@ TEST_F(Replay, ImagePatternIsNumberedByFileAndMayHaveGaps) {
   EXPECT_EQ(source.cameras()[0].missing, 1);
 }
 
+// Left out without a word, they would shift the times of all others.
+TEST_F(Replay, APatternThatLeavesOutOtherPaddingIsRefused) {
+  capture::write_clip(folder / "img/f%03d.png", {.codec = "png", .format = AV_PIX_FMT_RGB24, .frames = 3});
+  std::filesystem::copy(folder / "img/f003.png", folder / "img/f70.png");
+  EXPECT_THAT(error_of("frames: img/f%d.png, fps: 10"), AllOf(HasSubstr("f001.png"), HasSubstr("other leading zeros"),
+                                                              HasSubstr("f70.png"), HasSubstr("\"f*.png\"")));
+}
+
 TEST_F(Replay, ImageGlobIsSortedByNumber) {
   capture::write_clip(folder / "img/frame_%d.jpg", {.codec = "mjpeg", .format = AV_PIX_FMT_YUVJ420P, .frames = 11});
   auto source = open("frames: \"img/*.jpg\", fps: 10");
