@@ -20,8 +20,7 @@ struct RegionErrorTuning {
 constexpr RegionErrorTuning region_error{};
 
 struct RayCrossingTuning {
-  double missed_penalty = 0.25;  // of the score, per view that should see it and does not
-  int refinements = 2;           // Gauss-Newton steps of a candidate's position
+  int refinements = 2;  // Gauss-Newton steps of a candidate's position
 };
 constexpr RayCrossingTuning ray_crossing{};
 
@@ -157,10 +156,7 @@ class RayCrosser {
       const std::optional<BallProjection> at = project_ball(*views_[v].camera, c.position, target_.radius_m);
       if (!at || !views_[v].camera->contains({at->px})) continue;
       const color::ColorRegion* region = nearest_fitting(v, *at);
-      if (region == nullptr) {
-        c.score -= ray_crossing.missed_penalty;
-        continue;
-      }
+      if (region == nullptr) continue;
       c.sightings.push_back(sighting_at(v, *region, *at));
       apart.push_back(set_apart(c.sightings.back(), *at));
       c.score += c.sightings.back().support;

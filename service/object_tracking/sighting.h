@@ -147,7 +147,7 @@ struct PositionCandidate {
   Eigen::Vector3d position;
   Eigen::Matrix3d covariance;
   std::vector<Sighting> sightings;  // two or more; with one camera, one
-  double score = 0;                 // sum of supports, less 0.25 per view that should see it and does not
+  double score = 0;                 // sum of supports
 };
 
 // Triangulates each pair of regions in two views whose rays meet inside the volume at a distance that fits their sizes;
