@@ -20,17 +20,13 @@ struct RegionErrorTuning {
 constexpr RegionErrorTuning region_error{};
 
 struct RayCrossingTuning {
-  std::size_t max_regions = 8;   // per view, the largest ones
-  double missed_penalty = 0.25;  // of the score, per view that should see it and does not
-  int refinements = 2;           // Gauss-Newton steps of a candidate's position
+  int refinements = 2;  // Gauss-Newton steps of a candidate's position
 };
 constexpr RayCrossingTuning ray_crossing{};
 
 // maths: 1 sigma of log(length / width) of a disc whose radius is one chroma sample; each sample on the edge is in or
 // out as a whole. Falls with the radius to the power of 3/2.
 constexpr double width_noise = 0.4;
-
-constexpr double parallel_sine2 = 1e-6;  // maths: below it two rays' crossing is ill-conditioned
 
 // Midpoint of the shortest line between two rays; nullopt when they are nearly parallel or meet behind a camera.
 std::optional<Eigen::Vector3d> crossing(const Eigen::Vector3d& c0, const Eigen::Vector3d& d0, const Eigen::Vector3d& c1,
@@ -62,7 +58,7 @@ class RayCrosser {
   std::vector<RegionRay> rays_of(std::size_t view) const {
     std::vector<RegionRay> rays;
     const calib::Camera& camera = *views_[view].camera;
-    for (std::size_t i = 0; i < std::min(regions_[view].size(), ray_crossing.max_regions); ++i) {
+    for (std::size_t i = 0; i < std::min(regions_[view].size(), sighting_tuning.max_regions); ++i) {
       if (const auto ray = camera.model.ray({regions_[view][i].centre}))
         rays.push_back({&regions_[view][i], camera.cam_from_world.rotation.conjugate() * *ray});
     }
@@ -160,10 +156,7 @@ class RayCrosser {
       const std::optional<BallProjection> at = project_ball(*views_[v].camera, c.position, target_.radius_m);
       if (!at || !views_[v].camera->contains({at->px})) continue;
       const color::ColorRegion* region = nearest_fitting(v, *at);
-      if (region == nullptr) {
-        c.score -= ray_crossing.missed_penalty;
-        continue;
-      }
+      if (region == nullptr) continue;
       c.sightings.push_back(sighting_at(v, *region, *at));
       apart.push_back(set_apart(c.sightings.back(), *at));
       c.score += c.sightings.back().support;

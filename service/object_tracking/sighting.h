@@ -85,6 +85,7 @@ struct SightingTuning {
   double part_radii = 1.3;  // radii from a region's centre in which another one is a part of the object (experiment)
   double same_object_radii = 1.5;  // radii, nearer candidates or detections are of one object (experiment)
   double shading_share = 0.04;     // of the radius, 1 sigma: a ball's bright side matches further out (experiment)
+  std::size_t max_regions = 8;     // per view, the largest ones, that may be the object searched for
   std::size_t max_crossings = 4;   // candidates kept per frame set and possible object
   double same_place_px = 1;        // px, motion after which a region lies on other pixels
   double still_px = 2;             // px, a region that moved less stands still
@@ -99,6 +100,8 @@ struct SightingTuning {
   double alone_share = 1.4;        // share of the expected area up to which it is one object alone: its edge is blurred
 };
 inline constexpr SightingTuning sighting_tuning{};
+
+constexpr double parallel_sine2 = 1e-6;  // maths: below it two rays' crossing is ill-conditioned
 
 // Variance of a whole region's centre, px^2: independent in every frame, and bias. See sighting_of().
 struct BaseError {
@@ -144,7 +147,7 @@ struct PositionCandidate {
   Eigen::Vector3d position;
   Eigen::Matrix3d covariance;
   std::vector<Sighting> sightings;  // two or more; with one camera, one
-  double score = 0;                 // sum of supports, less 0.25 per view that should see it and does not
+  double score = 0;                 // sum of supports
 };
 
 // Triangulates each pair of regions in two views whose rays meet inside the volume at a distance that fits their sizes;

@@ -141,7 +141,7 @@ TEST(ObjectExistence, AnUnlikelyStartIsNotRefutedBySupport) {
   existence.update({}, state, 1.0, room.sightings({0.02, 0, 1}), {}, radius_m, room.clutter, room.still);
   EXPECT_FALSE(existence.is_refuted());
   // But static clutter matches its prediction, too.
-  const auto later = capture::Timestamp{} + capture::duration_of(0.3);
+  const auto later = capture::Timestamp{} + capture::duration_of(0.6);
   ObjectExistence moving = existence;
   existence.update(later, state, 1.0, room.sightings({0.02, 0, 1}), {}, radius_m, room.clutter, room.still);
   EXPECT_FALSE(existence.is_sure());

@@ -12,14 +12,11 @@ namespace huetrack::objects {
 namespace {
 
 struct DiscFitTuning {
-  int directions = 28;            // normals on which the outline is sampled; more changes nothing (experiment)
-  int passes = 3;                 // Gauss-Newton steps over all discs
-  double step_px = 0.5;           // px, sampling along a normal
-  double edge_sigma_px = 0.5;     // px, 1 sigma of one outline point: pixel grid, noise, blur
-  double radius_sigma_px = 0.3;   // px, 1 sigma of the radius: thresholds
-  double inside_px = 1.5;         // px, an outline point this near to another disc is hidden by it
-  double window_share = 0.1;      // of the radius, half width of the search along a normal beyond 2 px and the slack
-  double max_window_share = 0.7;  // of the radius, upper bound of that half width
+  int directions = 28;         // normals on which the outline is sampled; more changes nothing (experiment)
+  int passes = 3;              // Gauss-Newton steps over all discs
+  double step_px = 0.5;        // px, sampling along a normal
+  double edge_sigma_px = 0.5;  // px, 1 sigma of one outline point, and of the radius: pixel grid, noise, blur
+  double inside_px = 1.5;      // px, an outline point this near to another disc is hidden by it
 };
 constexpr DiscFitTuning disc_fit{};
 
@@ -88,8 +85,7 @@ struct Solution {
   Eigen::Matrix2d covariance;
 };
 Solution solve(std::span<const Normal> outline, const ExpectedDisc& disc) {
-  const double radius_sigma =
-      disc_fit.radius_sigma_px + object_tracking::sighting_tuning.shading_share * disc.radius_px;
+  const double radius_sigma = disc_fit.edge_sigma_px + object_tracking::sighting_tuning.shading_share * disc.radius_px;
   Eigen::Vector3d x = Eigen::Vector3d::Zero();
   Eigen::Matrix3d information;
   for (int pass = 0; pass < 2; ++pass) {  // the second one with Huber weights
@@ -121,8 +117,7 @@ std::vector<std::optional<FittedDisc>> fit_discs(color::MatchBits& bits, std::sp
   for (int pass = 0; pass < disc_fit.passes; ++pass) {
     for (std::size_t i = 0; i < discs.size(); ++i) {
       const double slack_px = pass == 0 ? 2 * discs[i].reach_px : 1.0;
-      const double window_px = std::min(disc_fit.max_window_share * discs[i].radius_px,
-                                        2 + disc_fit.window_share * discs[i].radius_px + slack_px);
+      const double window_px = std::min(discs[i].radius_px, 2 + slack_px);
       outline_of(bits, discs, i, window_px, outline);
       out[i].reset();
       if (outline.normals.empty()) continue;

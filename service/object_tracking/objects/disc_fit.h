@@ -26,7 +26,7 @@ struct FittedDisc {
 // Outline points: where the colour ends along a disc's normals, except inside another disc; a colour that ends well
 // inside or continues outside gives none. They move the disc (Gauss-Newton, Huber weights). The radius is an unknown
 // with a prior of a fraction of a pixel, as thresholds and shading change it; a fixed one would pull an arc outwards.
-// nullopt: fewer than a seventh of the outline is visible.
+// nullopt: no outline is visible, or that of something else.
 std::vector<std::optional<FittedDisc>> fit_discs(color::MatchBits& bits, std::span<const ExpectedDisc> discs);
 
 }  // namespace huetrack::objects

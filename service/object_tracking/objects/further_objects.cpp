@@ -9,8 +9,7 @@ using namespace object_tracking;
 namespace {
 
 struct FurtherObjectTuning {
-  double period_s = 1;   // s, between searches: a frame set with one takes as long as a search
-  double delay_s = 1.5;  // s, seen or gone for as long before it is published: what crosses the room does not stay
+  double delay_s = 1.5;  // s, seen or gone in two searches so far apart: what crosses the room does not stay
 };
 constexpr FurtherObjectTuning further_object{};
 
@@ -52,13 +51,10 @@ void FurtherObjectWatch::look(const std::vector<TargetView>& views, std::span<co
   nothing_since_.reset();
   if (views.size() < 2) return;
   if (looked_at_ && set_at < *looked_at_) looked_at_.reset(), is_second_ = false;
-  if (!is_second_ && looked_at_ && capture::seconds(set_at - *looked_at_) < further_object.period_s) return;
+  if (!is_second_ && looked_at_ && capture::seconds(set_at - *looked_at_) < further_object.delay_s) return;
   find_others(views, state, search);
   std::vector<CoveredDisc> covered;
-  for (const Sighting& s : sightings) {
-    for (std::size_t v = 0; v < views.size(); ++v)
-      if (views[v].index == s.row.camera) covered.push_back({v, s.px, s.radius_px});
-  }
+  add_covered(views, sightings, state.position(), target_.radius_m, covered);
   if (!is_second_) births_.forget();
   const std::vector<Birth> births = births_.look(views, regions_, covered, clutter, still, set_at, state);
   if (!is_second_) {

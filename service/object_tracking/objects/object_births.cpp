@@ -15,8 +15,6 @@ struct BirthTuning {
   double clutter_round = 0.15;     // a region of the static scene is as round as a disc
   double clutter_log_sizes = 2.5;  // range of the logarithms of the radii that regions are searched in
   double max_size_cost = 3;        // a wrong size counts no more against it: it may be occluded
-  double margin_share = 0.5;       // of the volume's largest extent that is searched around it
-  double ambiguity = 2;            // log-likelihood ratio up to which two candidates are equally good
 };
 constexpr BirthTuning birth_tuning{};
 
@@ -57,9 +55,18 @@ ObjectTrackerOptions looking_within(ObjectTrackerOptions options, const Volume& 
 
 }  // namespace
 
-Volume looked_through(const Volume& volume) {
-  const double margin = birth_tuning.margin_share * (volume.max - volume.min).maxCoeff();
-  return {volume.min.array() - margin, volume.max.array() + margin};
+Volume looked_through(const ObjectTrackerOptions& options) {
+  const double margin_m = options.start_speed_m_s * sighting_tuning.confirmation_s;
+  return {options.volume.min.array() - margin_m, options.volume.max.array() + margin_m};
+}
+
+void add_covered(const std::vector<TargetView>& views, std::span<const Sighting> sightings,
+                 const Eigen::Vector3d& position, double radius_m, std::vector<CoveredDisc>& out) {
+  for (const Sighting& s : sightings) {
+    const auto view = std::ranges::find(views, s.row.camera, &TargetView::index);
+    const auto at = project_ball(*s.camera, position, radius_m);
+    if (view != views.end() && at) out.push_back({std::size_t(view - views.begin()), s.px, at->radius_px});
+  }
 }
 
 ObjectBirths::ObjectBirths(const TargetOptions& target, const ObjectTrackerOptions& options, const Volume& within)
@@ -119,8 +126,8 @@ std::vector<ObjectBirths::Candidate> ObjectBirths::candidates(const std::vector<
       if (!share_a_region(better.at, c.at) &&
           (better.at.position - c.at.position).norm() >= sighting_tuning.same_object_radii * target_.radius_m)
         continue;
-      if (better.evidence - c.evidence < birth_tuning.ambiguity &&
-          (better.at.position - c.at.position).norm() > target_.radius_m)
+      const bool is_as_good = better.evidence - c.evidence < -llr_missed();  // less than one view counts
+      if (is_as_good && (better.at.position - c.at.position).norm() > target_.radius_m)
         better.is_ambiguous = c.is_ambiguous = true;
       else
         is_left_out = true;

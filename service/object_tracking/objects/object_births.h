@@ -27,8 +27,9 @@ struct Birth {
   double of_shape = 0;  // log-likelihood ratio of `now`: discs of its size against clutter of any size and shape
 };
 
-// The volume enlarged by half its largest extent: objects about to enter are tracked, and explain their regions.
-object_tracking::Volume looked_through(const object_tracking::Volume& volume);
+// The volume and what is at most as far from it as an object moves until it is confirmed: objects about to enter are
+// tracked, and explain their regions.
+object_tracking::Volume looked_through(const object_tracking::ObjectTrackerOptions& options);
 
 // A known object in a view; it may occlude others.
 struct CoveredDisc {
@@ -36,6 +37,10 @@ struct CoveredDisc {
   Eigen::Vector2d px;
   double radius_px;
 };
+// Where the views show an object that is there.
+void add_covered(const std::vector<object_tracking::TargetView>& views,
+                 std::span<const object_tracking::Sighting> sightings, const Eigen::Vector3d& position, double radius_m,
+                 std::vector<CoveredDisc>& out);
 
 // thread-compatible.
 class ObjectBirths {

@@ -13,8 +13,7 @@ using namespace object_tracking;
 namespace {
 
 struct ExistenceTuning {
-  double confirmed = 11.5;   // log-odds: one false track an hour, in 1e5 frame sets
-  double max_rest_s = 0.25;  // s, an object found although clutter explains it as well must have moved by then
+  double confirmed = 11.5;  // log-odds: one false track an hour, in 1e5 frame sets
 };
 constexpr ExistenceTuning existence{};
 
@@ -116,7 +115,7 @@ void ObjectExistence::update(capture::Timestamp set_at, const MotionState& state
     at.covariance = state.seen_covariance(sightings.front().row, power_density);
   }
   has_moved_ = has_moved_ || (at.position - found_at_).norm() > 2 * radius_m;
-  is_overdue_ = !has_moved_ && capture::seconds(set_at - found_when_) > existence.max_rest_s;
+  is_overdue_ = !has_moved_ && capture::seconds(set_at - found_when_) > sighting_tuning.confirmation_s;
   const Evidence evidence = evidence_of(at, sightings, views, radius_m, state, clutter, still);
   of_set_ = evidence.all(), is_chance_ = evidence.of_seen < 0;
   evidence_ = std::min(max_log_odds(), evidence_ + of_set_);

@@ -16,10 +16,7 @@ using namespace object_tracking;
 namespace {
 
 struct RegionAssignmentTuning {
-  double min_outline = 0.15;      // share of the outline that must be seen
-  double max_passed = 0.25;       // share across which the colour goes on: a ball of its size that touches passes 0.1
-  double support_per_seen = 1.5;  // support of an outline over its visible share
-  double whole_variance = 3;      // times the usual variance up to which a region has a disc's shape
+  double max_passed = 0.25;  // share across which the colour goes on: a ball of its size that touches passes 0.1
 };
 constexpr RegionAssignmentTuning assignment_tuning{};
 
@@ -61,6 +58,11 @@ std::vector<std::vector<std::size_t>> groups_of(std::span<const ExpectedObject> 
     }
   }
   return out;
+}
+
+// The region has the size and shape of the object's disc.
+bool is_whole(const Sighting& by_region, const ExpectedObject& expected) {
+  return has_disc_shape(by_region) && !is_too_large_alone(by_region.radius_px, expected.at.radius_px);
 }
 
 double d2_of(const Sighting& s, const ExpectedObject& expected) {
@@ -118,8 +120,7 @@ void RegionAssociation::assign(const TargetView& view, std::span<const color::Co
 
 std::optional<Sighting> RegionAssociation::by_outline(const TargetView& view, const ExpectedObject& expected,
                                                       const std::optional<FittedDisc>& fitted) const {
-  if (!fitted || fitted->seen < assignment_tuning.min_outline || fitted->passed > assignment_tuning.max_passed)
-    return std::nullopt;
+  if (!fitted || fitted->passed > assignment_tuning.max_passed) return std::nullopt;
   const double radius_px = expected.at.radius_px;
   const BaseError usual = base_error(radius_px, pixel_noise_px_, sample_px(*view.image));
   Sighting s;
@@ -129,7 +130,7 @@ std::optional<Sighting> RegionAssociation::by_outline(const TargetView& view, co
   s.px = fitted->px;
   s.covariance = fitted->covariance + usual.noise_px2 * Eigen::Matrix2d::Identity();
   s.bias_sigma_px = std::sqrt(usual.bias_px2);
-  s.support = std::min(1.0, fitted->seen * assignment_tuning.support_per_seen);
+  s.support = fitted->seen;
   s.radius_px = radius_px;
   if (d2_of(s, expected) > sighting_tuning.gate_nis) return std::nullopt;
   return s;
@@ -149,15 +150,6 @@ Sighting RegionAssociation::by_region(const TargetView& view, std::span<const co
     out.is_explained[r] = 1;
   }
   return sighting_of(view, region, expected.at.radius_px, pixel_noise_px_, expected.motion);
-}
-
-// The region has the size and shape of the object's disc.
-bool RegionAssociation::is_whole(const TargetView& view, const Sighting& by_region,
-                                 const ExpectedObject& expected) const {
-  const double radius_px = expected.at.radius_px;
-  return by_region.covariance.trace() < assignment_tuning.whole_variance *
-                                            base_error(radius_px, pixel_noise_px_, sample_px(*view.image)).noise_px2 &&
-         !is_too_large_alone(by_region.radius_px, radius_px);
 }
 
 AssociatedSightings RegionAssociation::associate(const TargetView& view, std::span<const color::ColorRegion> regions,
@@ -181,7 +173,7 @@ AssociatedSightings RegionAssociation::associate(const TargetView& view, std::sp
           return o != i && (expected[o].at.px - expected[i].at.px).norm() <
                                std::max(expected[o].at.radius_px, expected[i].at.radius_px);
         });
-        is_by_region = is_alone && is_whole(view, *out.of_objects[i], expected[i]);
+        is_by_region = is_alone && is_whole(*out.of_objects[i], expected[i]);
       }
       if (!is_by_region) in_part.push_back(i);
     }
@@ -197,7 +189,7 @@ AssociatedSightings RegionAssociation::associate(const TargetView& view, std::sp
       std::optional<Sighting>& sighting = out.of_objects[i];
       if (auto outline = by_outline(view, expected[i], fitted[place])) {
         sighting = std::move(outline);
-      } else if (group.size() > 1 && !(sighting && is_whole(view, *sighting, expected[i]))) {
+      } else if (group.size() > 1 && !(sighting && is_whole(*sighting, expected[i]))) {
         sighting.reset();  // the region is not this object's alone
       }
     }

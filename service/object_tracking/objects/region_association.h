@@ -48,8 +48,6 @@ class RegionAssociation {
   object_tracking::Sighting by_region(const object_tracking::TargetView& view,
                                       std::span<const color::ColorRegion> regions, std::size_t which,
                                       const ExpectedObject& expected, AssociatedSightings& out) const;
-  bool is_whole(const object_tracking::TargetView& view, const object_tracking::Sighting& by_region,
-                const ExpectedObject& expected) const;
 
   double pixel_noise_px_;
 };

@@ -13,22 +13,22 @@ using namespace object_tracking;
 namespace {
 
 struct SearchEvidenceTuning {
-  double alike = 1.3;                 // ratio of two radii of one ball: half the area wrong is a quarter of the radius
-  double meeting_px = 1.5;            // px from a crossing's projection to the region's centre, at most
-  double meeting_radii = 0.3;         // radii, in addition
-  std::size_t max_regions = 3;        // per view, the largest ones: an object, not specks
   std::size_t min_pairs = 10;         // of regions, from which a radius is stated
   std::size_t min_sets_divisor = 10;  // a camera sees the colour if it does in one of so many frame sets
 };
 constexpr SearchEvidenceTuning search_evidence{};
+
+// Ratio of two radii of one ball that are measured by its regions: 1 sigma.
+double alike() {
+  return std::exp(std::numbers::sqrt2 * sighting_tuning.region_size_sigma);
+}
 
 // Radius of a ball at p that this region is the image of; 0: none.
 double radius_of(const calib::Camera& camera, const color::ColorRegion& region, const Eigen::Vector3d& p) {
   const auto at = project_ball(camera, p, 1.0);
   if (!at || at->radius_px <= 0) return 0;
   const double radius_px = disc_radius(region.area);
-  if ((at->px - region.centre).norm() > search_evidence.meeting_px + search_evidence.meeting_radii * radius_px)
-    return 0;  // the rays pass each other
+  if ((at->px - region.centre).norm() > radius_px) return 0;  // the rays pass each other
   return radius_px / at->radius_px;
 }
 
@@ -36,7 +36,7 @@ double radius_of(const calib::Camera& camera, const color::ColorRegion& region, 
 
 void SearchLog::add(const std::vector<TargetView>& views, std::span<const std::vector<color::ColorRegion>> regions,
                     const Volume& volume) {
-  constexpr std::size_t largest = search_evidence.max_regions;
+  constexpr std::size_t largest = sighting_tuning.max_regions;
   ++findings_.sets;
   for (std::size_t i = 0; i < views.size(); ++i) {
     if (!regions[i].empty()) ++findings_.sets_with_color[std::size_t(views[i].index)];
@@ -47,7 +47,7 @@ void SearchLog::add(const std::vector<TargetView>& views, std::span<const std::v
           const auto p = crossing(first, {a.centre}, second, {b.centre});
           if (!p || !inside(volume, *p, 0)) continue;
           const double r = radius_of(first, a, *p), s = radius_of(second, b, *p);
-          if (r <= 0 || s <= 0 || std::max(r, s) > search_evidence.alike * std::min(r, s)) continue;
+          if (r <= 0 || s <= 0 || !are_radii_alike(r, s)) continue;
           if (radii_m_.size() < kept_radii)
             radii_m_.push_back(std::sqrt(r * s));
           else
@@ -82,11 +82,11 @@ bool SearchFindings::shows_color(std::size_t camera) const {
 }
 
 bool are_radii_alike(double a_m, double b_m) {
-  return a_m <= search_evidence.alike * b_m && a_m >= b_m / search_evidence.alike;
+  return a_m <= alike() * b_m && a_m >= b_m / alike();
 }
 
 std::pair<double, double> alike_radii(double radius_m) {
-  return {radius_m / search_evidence.alike, search_evidence.alike * radius_m};
+  return {radius_m / alike(), alike() * radius_m};
 }
 
 }  // namespace huetrack::objects

@@ -41,7 +41,7 @@ RegionTracker::RegionTracker(const calib::CameraRig& rig, const TargetOptions& t
       search_(rig, target, options.volume),
       shared_(rig.cameras.size(), target, options),
       consistency_(rig.cameras.size(), target.radius_m, options),
-      births_(target, options, looked_through(options.volume)),
+      births_(target, options, looked_through(options)),
       rig_error_(rig, options.max_coast_sigma_m),
       clutter_mask_(rig.cameras.size(), target.count),
       clutter_(rig),
@@ -271,16 +271,8 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
 std::vector<Birth> RegionTracker::births(const capture::FrameSet& set, const std::vector<TargetView>& views) {
   const auto regions = is_alone() ? search_.regions() : shared_.unexplained();
   std::vector<CoveredDisc> covered;
-  for (const auto& object : objects_) {
-    for (const Sighting& s : object->sightings) {
-      for (std::size_t v = 0; v < views.size(); ++v)
-        if (views[v].index == s.row.camera)
-          covered.push_back({v, s.px,
-                             project_ball(*s.camera, object->filter.motion().position(), target_.radius_m)
-                                 .value_or(BallProjection{})
-                                 .radius_px});
-    }
-  }
+  for (const auto& object : objects_)
+    add_covered(views, object->sightings, object->filter.motion().position(), target_.radius_m, covered);
   std::vector<Birth> out = births_.look(views, regions, covered, clutter_, clutter_mask_, set.at, times());
   if (is_alone())
     std::erase_if(out,

@@ -16,7 +16,6 @@ namespace {
 
 struct SharedRegionsTuning {
   double elsewhere_radii = 6;  // a region this near may be the object in a camera that was turned (experiment)
-  double apart_radii = 2;      // of both discs: further apart, no region is of two objects
   double probe_radii = 0.6;    // regions are also searched here around an expected centre (experiment)
 };
 constexpr SharedRegionsTuning shared_regions{};
@@ -141,8 +140,8 @@ std::vector<Sighting> SharedRegions::alone(const std::vector<TargetView>& views,
     const auto own = std::ranges::find(expected_[i], which, &ExpectedObject::object);
     if (own == expected_[i].end()) continue;
     for (const ExpectedObject& other : expected_[i]) {
-      const double apart_px = shared_regions.apart_radii * (own->at.radius_px + other.at.radius_px);
-      if (other.object != which && (other.at.px - own->at.px).norm() < apart_px) return {};
+      const double touching_px = own->at.radius_px + other.at.radius_px;
+      if (other.object != which && (other.at.px - own->at.px).norm() < touching_px) return {};
     }
   }
   std::vector<Sighting> seen = object.sightings;
