@@ -14,9 +14,12 @@ namespace {
 
 struct StaticClutterTuning {
   double period_s = 0.5;        // s, between samples of a view
+  double share_points = 4800;   // grid points that measure the colour's share of an image: 15 of min_share
   double shared_above = 2.5;    // times the share that the objects could cover: more is the room's; radii may be wrong
   double shared_below = 1.5;    // hysteresis of shared_above
   double min_share = 0.003;     // of an image; fewer than ten grid points are chance
+  double surrounded = 0.5;      // share of an object's surroundings of its colour from which it counts as clutter
+  int around_points = 24;       // points at which these are sampled
   double min_disc = 0.6;        // area of a disc over the smallest one of an object, and of the largest over its area
   double min_roundness = 0.75;  // of its half widths
   double min_filled = 0.85;     // of the ellipse of these half widths
@@ -55,6 +58,19 @@ color::TileAt tile_at(std::size_t index, int stride) {
 
 double covered_px(const Sighting& s) {
   return sighting_tuning.covered_radii * s.radius_px + sighting_tuning.covered_px;
+}
+
+bool is_surrounded(const TargetView& view, const Sighting& s) {
+  const double reach = covered_px(s) + 1;
+  int seen = 0, matching = 0;
+  for (int i = 0; i < static_clutter.around_points; ++i) {
+    const double angle = 2 * std::numbers::pi * i / static_clutter.around_points;
+    const double u = s.px.x() + reach * std::cos(angle), v = s.px.y() + reach * std::sin(angle);
+    if (!(u >= 0 && v >= 0 && u < view.image->width && v < view.image->height)) continue;
+    ++seen;
+    matching += view.matches->at(int(u), int(v)) ? 1 : 0;
+  }
+  return matching > static_clutter.surrounded * seen;
 }
 
 }  // namespace
@@ -175,9 +191,13 @@ void StaticClutterMask::find_what_may_be_objects(const TargetView& view, PerCame
 void StaticClutterMask::measure(const TargetView& view) {
   PerCamera& camera = cameras_[std::size_t(view.index)];
   ColorShare& share = shares_[std::size_t(view.index)];
-  view.matches->grid_with_left_out(grid_px, hits_);
-  const double probed = std::max(1.0, std::floor((view.image->width + grid_px / 2.0) / grid_px) *
-                                          std::floor((view.image->height + grid_px / 2.0) / grid_px));
+  // Coarser where only the share is needed.
+  const double pixels = double(view.image->width) * view.image->height;
+  const int wide_px = int(std::sqrt(pixels / static_clutter.share_points));
+  hits_px_ = camera.is_learning ? grid_px : std::max(grid_px, wide_px);
+  view.matches->grid_with_left_out(hits_px_, hits_);
+  const double probed = std::max(1.0, std::floor((view.image->width + hits_px_ / 2.0) / hits_px_) *
+                                          std::floor((view.image->height + hits_px_ / 2.0) / hits_px_));
   share.of_picture = std::min(1.0, double(hits_.size()) / probed);
   const double bound = (camera.is_above ? static_clutter.shared_below : static_clutter.shared_above) * share.of_target;
   camera.is_above = share.of_picture > std::max(static_clutter.min_share, bound);
@@ -202,6 +222,7 @@ void StaticClutterMask::sample(const TargetView& view, std::span<const Sighting>
     camera.sampled = 1;
     return;
   }
+  if (hits_px_ != grid_px) view.matches->grid_with_left_out(grid_px, hits_);
   learn_pixels(view, camera, tracked);
   leave_out(view, camera);
   if (is_room_shared_) learn_colors(view, camera);
@@ -232,7 +253,7 @@ void StaticClutterMask::learn_pixels(const TargetView& view, PerCamera& camera, 
   };
   covering_.assign(camera.may_be_objects.begin(), camera.may_be_objects.end());
   for (const Sighting& s : tracked)
-    if (s.row.camera == view.index) covering_.push_back(s);
+    if (s.row.camera == view.index && !is_surrounded(view, s)) covering_.push_back(s);
   for (const std::uint32_t at : camera.listed) {
     Tile& tile = camera.tiles[at];
     const color::TileAt where = tile_at(at, stride);

@@ -1,7 +1,8 @@
 // Masks static clutter: pixels of the target's colour that never move. In a room that shares the colour, views are
 // sampled every 0.5 s; pixels that matched in three of the last four samples, or that match again after they did not
 // (noise at the colour's limits), match nothing while they show their usual values: an object in front of furniture of
-// its colour is seen. Pixels under a tracked object keep their state, so that a resting object stays tracked.
+// its colour is seen. Pixels under a tracked object keep their state, so that a resting object stays tracked, unless
+// its surroundings have the colour, too.
 //
 // A room shares the colour if one view shows more of it than all objects could cover; then all views learn. If so at
 // the first set, everything but discs of an object's size is clutter until it moves. Targets with several objects learn
@@ -103,7 +104,8 @@ class StaticClutterMask {
   int count_;
   std::vector<PerCamera> cameras_;
   std::vector<object_tracking::ColorShare> shares_{cameras_.size()};
-  std::vector<color::PixelAt> hits_;                 // of the last measure()
+  std::vector<color::PixelAt> hits_;  // of the last measure(); hits_px_ apart
+  int hits_px_ = 0;
   std::vector<object_tracking::Sighting> covering_;  // work space: objects in front of the room
   std::vector<color::Disc> discs_;                   // work space: covering_
   std::vector<std::uint32_t> open_;                  // work space: tiles of a patch
