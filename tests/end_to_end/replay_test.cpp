@@ -407,7 +407,7 @@ TEST_F(EndToEnd, ARadiusOfTwiceTheSizeIsSaidWhereNothingLocks) {
     return run({HUETRACKD, "replay", file, fast.string(), "--no-dds"}).out;
   };
   // Whatever is found has not its size: it is not published.
-  EXPECT_THAT(replayed("0.08"), HasSubstr("  search  pink: the pictures of pink show a radius of 0.03 to 0.051 m, not "
+  EXPECT_THAT(replayed("0.08"), HasSubstr("  search  pink: the pictures of pink show a radius of 0.03 to 0.052 m, not "
                                           "0.08"));
   EXPECT_THAT(replayed("0.04"), Not(HasSubstr("  search  ")));
 }

@@ -31,7 +31,7 @@ TEST(SearchAdvice, StatesAWrongRadius) {
   objects::SearchFindings findings = findings_of({100, 100});
   findings.radius_m = 0.04;
   EXPECT_THAT(search_advice(findings, target_of(0.1), {"a", "b"}, false),
-              AllOf(HasSubstr("a radius of 0.031 to 0.052 m, not 0.1: measure it, and correct radius_m"),
+              AllOf(HasSubstr("a radius of 0.03 to 0.053 m, not 0.1: measure it, and correct radius_m"),
                     HasSubstr("colour is too narrow")));
   EXPECT_THAT(search_advice(findings, target_of(0.02), {"a", "b"}, false), HasSubstr("colour is too wide"));
   EXPECT_THAT(search_advice(findings, target_of(0.045), {"a", "b"}, false), HasSubstr("their rays do not meet"));
@@ -84,7 +84,7 @@ TEST(LateAdvice, StatesTheRadiusThatTheSearchSaw) {
   EXPECT_EQ(late_advice(findings, target_of(0.04), false), "");
   findings.radius_before_m = 0.08;
   EXPECT_THAT(late_advice(findings, target_of(0.04), false),
-              HasSubstr("it was found late: the pictures of ball show a radius of 0.062 to 0.1 m"));
+              HasSubstr("it was found late: the pictures of ball show a radius of 0.06 to 0.11 m"));
 }
 
 }  // namespace

@@ -478,7 +478,7 @@ TEST(FurtherObject, IsReportedBesideTheTargetAndDoesNotAffectIt) {
   EXPECT_FALSE(further_beside({first, second}, 2));
   const auto one_more = further_beside({first, second}, 1);
   ASSERT_TRUE(one_more);
-  const double looked_at_s = 2.1;  // the last time
+  const double looked_at_s = 1.6;  // the last time
   const bool is_one_of_them =
       (*one_more - second(looked_at_s)).norm() < 0.02 || (*one_more - first(looked_at_s)).norm() < 0.02;
   EXPECT_TRUE(is_one_of_them) << one_more->transpose();

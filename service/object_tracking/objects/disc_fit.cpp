@@ -17,6 +17,7 @@ struct DiscFitTuning {
   double step_px = 0.5;        // px, sampling along a normal
   double edge_sigma_px = 0.5;  // px, 1 sigma of one outline point, and of the radius: pixel grid, noise, blur
   double inside_px = 1.5;      // px, an outline point this near to another disc is hidden by it
+  double window_share = 0.1;   // of the radius, half width of the search along a normal beyond 2 px and the slack
 };
 constexpr DiscFitTuning disc_fit{};
 
@@ -117,7 +118,7 @@ std::vector<std::optional<FittedDisc>> fit_discs(color::MatchBits& bits, std::sp
   for (int pass = 0; pass < disc_fit.passes; ++pass) {
     for (std::size_t i = 0; i < discs.size(); ++i) {
       const double slack_px = pass == 0 ? 2 * discs[i].reach_px : 1.0;
-      const double window_px = std::min(discs[i].radius_px, 2 + slack_px);
+      const double window_px = std::min(discs[i].radius_px, 2 + disc_fit.window_share * discs[i].radius_px + slack_px);
       outline_of(bits, discs, i, window_px, outline);
       out[i].reset();
       if (outline.normals.empty()) continue;
