@@ -7,8 +7,6 @@
 #include <numbers>
 #include <utility>
 
-#include "object_tracking/sighting.h"
-
 namespace huetrack::object_tracking {
 namespace {
 
@@ -25,9 +23,11 @@ struct EpipolarConsistencyTuning {
   double rise_share = 1.0 / 30;   // of an excess that a residual adds to the lasting one: about 1 s at 30 fps
   double lasting_decay = 1 - 1.0 / 600;  // per residual, of the lasting excess: 20 s at 30 fps
   double negligible_share = 0.25;        // of the expected variance, below which an excess is zero
+  double max_raise = 3;                  // factor by which all inflations are raised at most to cover every pair
   double min_share = 0.1;      // of a pair's residual that a camera has at least: far away, or along the baseline
   double single_decay = 0.75;  // per frame set, of a camera's own error: a late camera's turns with the motion
   double max_along = 10;       // variance along over across the epipolar lines: within 20 degrees of them
+  double min_sine = 0.1;       // between two rays, below which they cannot be compared
   double place_radii = 8;      // radii between two places at which a pair was consistent
 };
 constexpr EpipolarConsistencyTuning epipolar_consistency{};
@@ -42,7 +42,7 @@ bool epipolar_residual(const PathResidual& i, const PathResidual& j, double path
     return jacobian.row(0).cross(jacobian.row(1)).normalized();
   };
   const Eigen::Vector3d across = ray_of(i.jacobian).cross(ray_of(j.jacobian));
-  if (!(across.squaredNorm() > parallel_sine2)) return false;
+  if (!(across.squaredNorm() > epipolar_consistency.min_sine * epipolar_consistency.min_sine)) return false;
   Eigen::Vector2d u = (i.jacobian * i.jacobian.transpose()).inverse() * (i.jacobian * across);
   Eigen::Vector2d w = -((j.jacobian * j.jacobian.transpose()).inverse() * (j.jacobian * across));
   const double norm = std::sqrt(u.squaredNorm() + w.squaredNorm());
@@ -279,7 +279,7 @@ void EpipolarConsistency::explain() {
     const double modelled_px2 = p.share_i * variance_px2_[i] + p.share_j * variance_px2_[j];
     if (p.excess_px2 > raise * modelled_px2 && modelled_px2 > 0) raise = p.excess_px2 / modelled_px2;
   });
-  for (double& variance : variance_px2_) variance *= raise;
+  for (double& variance : variance_px2_) variance *= std::min(raise, epipolar_consistency.max_raise);
   // At least the smallest excess among a camera's pairs.
   std::ranges::fill(up_, largest_px2);
   std::ranges::fill(down_, 0.0);

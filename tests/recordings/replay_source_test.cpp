@@ -413,10 +413,10 @@ TEST_P(ReplayFormats, AreKeptOrConvertedToTheNearest) {
                                {0, c.height - 1},
                                {c.width - 1, c.height - 1}}) {
       if (c.expected == capture::PixelFormat::bgr) {
-        EXPECT_NEAR(capture::bgr_at(image, u, v).g, level + 7, 9);
+        EXPECT_NEAR(capture::bgr_at(image, u, v).g, level + 7, c.matrix == AVCOL_SPC_UNSPECIFIED ? 9 : 35);
       } else {
         const capture::Yuv p = capture::yuv_at(image, u, v);
-        EXPECT_NEAR(p.y, level + 7, c.matrix == AVCOL_SPC_UNSPECIFIED ? 10 : 16);  // luma takes a part of the colours
+        EXPECT_NEAR(p.y, level + 7, 10);
         if (c.expected != capture::PixelFormat::grey && c.coded != AV_PIX_FMT_YUYV422 && c.coded != AV_PIX_FMT_NV12) {
           EXPECT_NEAR(p.u, 120 + 7, 10);
           EXPECT_NEAR(p.v, 140 + 7, 10);
@@ -470,8 +470,8 @@ INSTANTIATE_TEST_SUITE_P(OddSizes, ReplayFormats,
                                                     capture::ColorRange::full, 33, 17}));
 // Ours are BT.601.
 INSTANTIATE_TEST_SUITE_P(OtherMatrix, ReplayFormats,
-                         testing::Values(FormatCase{"ffv1", "a.mkv", AV_PIX_FMT_YUV422P, capture::PixelFormat::i422,
-                                                    capture::ColorRange::limited, 64, 48, AVCOL_RANGE_MPEG,
+                         testing::Values(FormatCase{"ffv1", "a.mkv", AV_PIX_FMT_YUV422P, capture::PixelFormat::bgr,
+                                                    capture::ColorRange::full, 64, 48, AVCOL_RANGE_MPEG,
                                                     AVCOL_SPC_BT709}));
 
 TEST_F(Replay, AcceptsBottomUpRows) {
@@ -494,12 +494,11 @@ TEST_F(Replay, ConvertsBt709WithItsOwnMatrix) {
     auto source = open("frames: " + file + ", fps: 10");
     return read_all(source).at(4).pixels;
   };
-  const capture::Yuv hd = capture::yuv_at(colour(AVCOL_SPC_BT709, "hd.mkv"), 40, 30);
-  const double y = 1.1644 * (capture::level_of_frame(4) - 16);  // U = 120, V = 140, ITU-R BT.709
-  const double r = y + 1.7927 * 12, g = y - 0.2132 * -8 - 0.5329 * 12, b = y + 2.1124 * -8;
-  EXPECT_NEAR(hd.y, 16 + (65.481 * r + 128.553 * g + 24.966 * b) / 255, 0.6);  // ITU-R BT.601
-  EXPECT_NEAR(hd.u, 128 + (-37.797 * r - 74.203 * g + 112 * b) / 255, 0.6);
-  EXPECT_NEAR(hd.v, 128 + (112 * r - 93.786 * g - 18.214 * b) / 255, 0.6);
+  const capture::Bgr hd = capture::bgr_at(colour(AVCOL_SPC_BT709, "hd.mkv"), 40, 30);
+  const double y = 1.1644 * (capture::level_of_frame(4) - 16);  // U = 120, V = 140
+  EXPECT_NEAR(hd.r, y + 1.7927 * 12, 1.5);
+  EXPECT_NEAR(hd.g, y - 0.2132 * -8 - 0.5329 * 12, 1.5);
+  EXPECT_NEAR(hd.b, y + 2.1124 * -8, 1.5);
   EXPECT_EQ(colour(AVCOL_SPC_SMPTE170M, "sd.mkv").format, capture::PixelFormat::i422);
 }
 

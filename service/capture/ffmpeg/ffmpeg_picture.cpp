@@ -87,13 +87,18 @@ ColorRange range_of(const AVFrame& frame, AVCodecID codec) {
   return is_grey || codec == AV_CODEC_ID_MJPEG || codec == AV_CODEC_ID_JPEGLS ? ColorRange::full : ColorRange::limited;
 }
 
-// nullptr when FFmpeg cannot convert it.
-FramePtr converted(const AVFrame& source, ColorRange range, ScalerPtr& scaler) {
+bool has_colors(const AVFrame& frame) {
+  const AVPixFmtDescriptor* format = av_pix_fmt_desc_get(static_cast<AVPixelFormat>(frame.format));
+  return format && format->nb_components > 2;
+}
+
+// to_bgr: by the frame's own matrix. nullptr when FFmpeg cannot convert it.
+FramePtr converted(const AVFrame& source, ColorRange range, ScalerPtr& scaler, bool to_bgr = false) {
   const auto format = static_cast<AVPixelFormat>(source.format);
   const AVPixFmtDescriptor* described = av_pix_fmt_desc_get(format);
   if (!described || sws_isSupportedInput(format) == 0) return nullptr;
   FramePtr target(not_null(av_frame_alloc()));
-  target->format = nearest_format(*described, source.width, source.height);
+  target->format = to_bgr ? AV_PIX_FMT_BGR24 : nearest_format(*described, source.width, source.height);
   target->width = source.width;
   target->height = source.height;
   if (av_frame_get_buffer(target.get(), 0) < 0) return nullptr;
@@ -105,10 +110,11 @@ FramePtr converted(const AVFrame& source, ColorRange range, ScalerPtr& scaler) {
                            SWS_POINT | SWS_ACCURATE_RND | SWS_BITEXACT | SWS_FULL_CHR_H_INT | SWS_FULL_CHR_H_INP,
                            nullptr, nullptr, nullptr));
   if (!scaler) return nullptr;
-  // Never from YUV to BGR, so the matrix does not matter; the range is kept.
+  // The matrix matters only from YUV to BGR; the range is kept.
   const int is_full = range == ColorRange::full ? 1 : 0;
-  const int* matrix = sws_getCoefficients(SWS_CS_ITU601);
-  sws_setColorspaceDetails(scaler.get(), matrix, is_full, matrix, is_full, 0, 1 << 16, 1 << 16);
+  const int matrix = to_bgr ? static_cast<int>(source.colorspace) : SWS_CS_ITU601;
+  sws_setColorspaceDetails(scaler.get(), sws_getCoefficients(matrix), is_full, sws_getCoefficients(SWS_CS_ITU601),
+                           is_full, 0, 1 << 16, 1 << 16);
   if (sws_scale(scaler.get(), source.data, source.linesize, 0, source.height, target->data, target->linesize) !=
       source.height)
     return nullptr;
@@ -210,15 +216,19 @@ std::optional<Image> PictureMaker::image_of(FramePtr frame, AVCodecID codec) {
   const ColorRange range = range_of(*frame, codec);
   auto ours = pixel_format_of(static_cast<AVPixelFormat>(frame->format), frame->width, frame->height);
   const AVColorSpace matrix = frame->colorspace;
+  const bool has_other = has_other_matrix(*frame), has_fields = is_interlaced || fields_are_stated_;
   const bool is_shuffled = ours == PixelFormat::yuyv || ours == PixelFormat::nv12;
-  if (!ours || (is_shuffled && has_other_matrix(*frame))) {
+  // Measured: small balls in real films are tracked by BGR (recordings/EXPERIMENTS.md). In it, rows of two fields would
+  // share colours.
+  const bool to_bgr = has_other && !has_fields && has_colors(*frame);
+  if (!ours || to_bgr || (is_shuffled && has_other)) {
     if (!fit_samples(*frame, depth_)) return std::nullopt;
-    frame = converted(*frame, range, scaler_);
+    frame = converted(*frame, range, scaler_, to_bgr);
     if (!frame) return std::nullopt;
     ours = pixel_format_of(static_cast<AVPixelFormat>(frame->format), frame->width, frame->height);
   }
   const bool is_planar = ours == PixelFormat::i420 || ours == PixelFormat::i422 || ours == PixelFormat::i444;
-  if (is_planar && !to_bt601(*frame, matrix, *ours, range, is_interlaced || fields_are_stated_)) return std::nullopt;
+  if (is_planar && !to_bt601(*frame, matrix, *ours, range, has_fields)) return std::nullopt;
   const Image image = wrapped(std::move(frame), *ours, range);
   return turned(is_interlaced && !stays_whole ? first_field(image, first) : image, layout_.orientation);
 }
