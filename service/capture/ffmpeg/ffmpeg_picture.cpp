@@ -68,6 +68,11 @@ AVPixelFormat nearest_format(const AVPixFmtDescriptor& source, int width, int he
   return AV_PIX_FMT_YUV420P;
 }
 
+bool is_grey(const AVFrame& frame) {
+  const AVPixFmtDescriptor* format = av_pix_fmt_desc_get(static_cast<AVPixelFormat>(frame.format));
+  return format && format->nb_components <= 2;
+}
+
 ColorRange range_of(const AVFrame& frame, AVCodecID codec) {
   if (frame.color_range == AVCOL_RANGE_JPEG) return ColorRange::full;
   if (frame.color_range == AVCOL_RANGE_MPEG) return ColorRange::limited;
@@ -82,14 +87,8 @@ ColorRange range_of(const AVFrame& frame, AVCodecID codec) {
       break;
   }
   // Grey images without a stated range are full range, as in FFmpeg.
-  const AVPixFmtDescriptor* format = av_pix_fmt_desc_get(static_cast<AVPixelFormat>(frame.format));
-  const bool is_grey = format && format->nb_components <= 2;
-  return is_grey || codec == AV_CODEC_ID_MJPEG || codec == AV_CODEC_ID_JPEGLS ? ColorRange::full : ColorRange::limited;
-}
-
-bool has_colors(const AVFrame& frame) {
-  const AVPixFmtDescriptor* format = av_pix_fmt_desc_get(static_cast<AVPixelFormat>(frame.format));
-  return format && format->nb_components > 2;
+  return is_grey(frame) || codec == AV_CODEC_ID_MJPEG || codec == AV_CODEC_ID_JPEGLS ? ColorRange::full
+                                                                                     : ColorRange::limited;
 }
 
 // to_bgr: by the frame's own matrix. nullptr when FFmpeg cannot convert it.
@@ -220,7 +219,7 @@ std::optional<Image> PictureMaker::image_of(FramePtr frame, AVCodecID codec) {
   const bool is_shuffled = ours == PixelFormat::yuyv || ours == PixelFormat::nv12;
   // Measured: small balls in real films are tracked by BGR (recordings/EXPERIMENTS.md). In it, rows of two fields would
   // share colours.
-  const bool to_bgr = has_other && !has_fields && has_colors(*frame);
+  const bool to_bgr = has_other && !has_fields && !is_grey(*frame);
   if (!ours || to_bgr || (is_shuffled && has_other)) {
     if (!fit_samples(*frame, depth_)) return std::nullopt;
     frame = converted(*frame, range, scaler_, to_bgr);
