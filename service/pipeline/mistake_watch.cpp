@@ -44,6 +44,9 @@ double inflation_rad(const view_watch::Mistake& mistake, const calib::Camera& ca
       return mistake.off_px / median_of_sigma / view_watch::focal_px(camera);
     }
     case MistakeKind::wrong_order:
+    case MistakeKind::converted:
+    case MistakeKind::exchanged:
+    case MistakeKind::delayed:
     case MistakeKind::radius:
     case MistakeKind::shared_color:
       return 0;
@@ -60,16 +63,19 @@ void add_inflation(std::span<const double> inflation, std::vector<object_trackin
 MistakeWatch::MistakeWatch(const calib::CameraRig& rig, std::span<const object_tracking::TargetOptions> targets)
     : rig_(rig), mistakes_(targets.size()), inflation_(rig.cameras.size(), 0.0), previous_inflation_(inflation_) {
   watches_.reserve(targets.size());
-  for (const auto& target : targets) watches_.emplace_back(rig, target);
+  for (const auto& target : targets) watches_.emplace_back(rig, target), paths_.push_back(paths_of(target));
 }
 
 void MistakeWatch::reset_target(std::size_t target, const object_tracking::TargetOptions& options) {
   watches_.at(target) = view_watch::ViewWatch(rig_, options);
+  paths_[target] = paths_of(options);
   mistakes_[target].clear();
 }
 
 void MistakeWatch::begin_anew() {
   for (view_watch::ViewWatch& watch : watches_) watch.begin_anew();
+  for (auto& paths : paths_)
+    for (PathOfCamera& path : paths) path.times.begin_anew();
 }
 
 bool MistakeWatch::look(const capture::FrameSet& set, std::span<const object_tracking::ObjectEstimate> estimates,
@@ -83,10 +89,13 @@ bool MistakeWatch::look(const capture::FrameSet& set, std::span<const object_tra
     if (estimate != estimates.end()) {
       watches_[t].look(*estimate, trackers[t], set.at, moved);
       if (late_s_.empty()) late_s_ = watches_[t].late_s();
+      look_at_paths(set, trackers[t].regions(), paths_[t]);
     }
     const auto is_explained = [&](const view_watch::Mistake& mistake) { return is_explained_by(moved, mistake); };
     mistakes_[t] = watches_[t].mistakes();
     std::erase_if(mistakes_[t], is_explained);
+    for (const PathOfCamera& path : paths_[t])
+      if (path.fault) mistakes_[t].push_back(*path.fault);
     for (const view_watch::Mistake& mistake : watches_[t].suspected_mistakes())
       if (!is_explained(mistake)) inflate(mistake);
   }
@@ -95,6 +104,34 @@ bool MistakeWatch::look(const capture::FrameSet& set, std::span<const object_tra
   if (!late_s_.empty())
     for (view_watch::ViewWatch& watch : watches_) watch.note_correction();
   return inflation_ != previous_inflation_;
+}
+
+// Of several objects it is not known whose region is whose.
+std::vector<MistakeWatch::PathOfCamera> MistakeWatch::paths_of(const object_tracking::TargetOptions& target) const {
+  return std::vector<PathOfCamera>(target.count == 1 ? rig_.cameras.size() : 0);
+}
+
+// Of a camera's regions that of the target, or the largest. What was found stays: it is the whole film's.
+void MistakeWatch::look_at_paths(const capture::FrameSet& set, std::span<const object_tracking::SeenRegion> regions,
+                                 std::vector<PathOfCamera>& paths) {
+  if (!first_at_) first_at_ = set.at;
+  for (std::size_t c = 0; c < paths.size(); ++c) {
+    if (paths[c].fault || !set.frames[c]) continue;
+    const object_tracking::SeenRegion* seen = nullptr;
+    for (const auto& region : regions)
+      if (std::size_t(region.camera) == c &&
+          (seen == nullptr || region.is_target || (!seen->is_target && region.radius_px > seen->radius_px)))
+        seen = &region;
+    if (seen == nullptr) continue;
+    const capture::Frame& frame = *set.frames[c];
+    paths[c].times.see({.number = frame.sequence,
+                        .stamp_s = capture::seconds(frame.captured_at - *first_at_),
+                        .t_s = capture::seconds(seen->at - *first_at_),
+                        .px = seen->px,
+                        .sigma_px = seen->sigma_px,
+                        .is_target = seen->is_target});
+    paths[c].fault = paths[c].times.judge(int(c));
+  }
 }
 
 void MistakeWatch::inflate(const view_watch::Mistake& mistake) {

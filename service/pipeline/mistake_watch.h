@@ -3,12 +3,14 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "calib/model/camera_rig.h"
 #include "capture/frames/frame.h"
 #include "object_tracking/trackers/object_tracker.h"
+#include "view_watch/path_times.h"
 #include "view_watch/view_watch.h"
 
 namespace huetrack::pipeline {
@@ -41,10 +43,19 @@ class MistakeWatch {
   const std::vector<double>& inflation() const { return inflation_; }
 
  private:
+  struct PathOfCamera {
+    view_watch::PathTimes times;
+    std::optional<view_watch::Mistake> fault;
+  };
+  std::vector<PathOfCamera> paths_of(const object_tracking::TargetOptions& target) const;
+  void look_at_paths(const capture::FrameSet& set, std::span<const object_tracking::SeenRegion> regions,
+                     std::vector<PathOfCamera>& paths);
   void inflate(const view_watch::Mistake& mistake);
 
   calib::CameraRig rig_;
   std::vector<view_watch::ViewWatch> watches_;
+  std::vector<std::vector<PathOfCamera>> paths_;  // per target and camera
+  std::optional<capture::Timestamp> first_at_;
   std::vector<std::vector<view_watch::Mistake>> mistakes_;
   std::vector<double> late_s_;
   std::vector<double> inflation_, previous_inflation_;

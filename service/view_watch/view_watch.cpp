@@ -334,9 +334,9 @@ class FaultHypotheses {
 }  // namespace
 
 std::string_view name(MistakeKind kind) {
-  static constexpr std::string_view names[] = {"swapped",       "late",        "uneven_times", "turned",
-                                               "zoomed",        "mirrored",    "upside_down",  "other_rig",
-                                               "contradiction", "wrong_order", "radius",       "shared_color"};
+  static constexpr std::string_view names[] = {
+      "swapped",       "late",        "uneven_times", "turned",    "zoomed",  "mirrored", "upside_down", "other_rig",
+      "contradiction", "wrong_order", "converted",    "exchanged", "delayed", "radius",   "shared_color"};
   static_assert(std::size(names) == mistake_kinds);
   return names[std::size_t(kind)];
 }
@@ -345,7 +345,8 @@ bool is_of_rig(MistakeKind kind) {
   return kind == MistakeKind::swapped || kind == MistakeKind::late || kind == MistakeKind::turned ||
          kind == MistakeKind::uneven_times || kind == MistakeKind::zoomed || kind == MistakeKind::mirrored ||
          kind == MistakeKind::upside_down || kind == MistakeKind::other_rig || kind == MistakeKind::contradiction ||
-         kind == MistakeKind::wrong_order;
+         kind == MistakeKind::wrong_order || kind == MistakeKind::converted || kind == MistakeKind::exchanged ||
+         kind == MistakeKind::delayed;
 }
 
 std::pair<double, double> radius_range(const object_tracking::OutlineFindings& outlines) {

@@ -31,6 +31,9 @@ enum class MistakeKind : std::uint8_t {
   other_rig,      // no two cameras are consistent
   contradiction,  // views are inconsistent, and nothing above explains it
   wrong_order,    // of pictures, in all views alike; size: the largest jump, metres
+  converted,      // one camera's film, to another frame rate; size: error of its times, seconds, 1 sigma
+  exchanged,      // one camera's pictures, two and two; size: the same
+  delayed,        // one camera's stamps, unevenly, though its pictures were taken evenly; size: the same
   radius,         // size: the radius that the views agree on, metres
   shared_color,   // one camera; size: share of its picture that has the colour, 0..1
 };
@@ -52,8 +55,9 @@ struct Mistake {
   bool do_some_agree = false;  // contradiction: two cameras are consistent: hardly their fault
   // late, uneven_times: per camera of the rig, the latency beyond the tracker's estimate.
   std::vector<double> extra_latency_s = {};
-  double since_s = 0;  // start of what jumped; 0: the whole window
-  int jumps = 0;       // wrong_order: in the last seconds
+  double since_s = 0;                  // start of what jumped; 0: the whole window
+  int jumps = 0;                       // wrong_order: in the last seconds
+  double shown_hz = 0, source_hz = 0;  // converted: by its stamps; before. delayed: even ones
 
   // uneven_times: cameras may differ.
   bool is_same_as(const Mistake& other) const {
