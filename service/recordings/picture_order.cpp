@@ -135,6 +135,15 @@ void PictureOrder::assign(Ordered picture) {
 }
 
 void PictureOrder::add_time(std::int64_t time) {
+  if (std::exchange(is_anew_, false) && last_time_ && step_) {
+    const std::int64_t missing = time - *last_time_ - *step_;
+    if (2 * std::abs(missing - decoder_delay_ * *step_) <=
+        *step_) {  // the new encoder's delay, where films were joined
+      if (joints_.taken_out++ == 0) joints_.first = given_ + timed_;
+      shift_ -= missing, taken_out_ += missing;
+      last_time_ = time - *step_;  // no gap
+    }
+  }
   if (last_time_ && step_ && 2 * (time - *last_time_ - *step_) > *step_ && gaps_.count++ == 0)
     gaps_.first_after = given_ + timed_;
   last_time_ = time;
@@ -245,7 +254,7 @@ void PictureOrder::begin_anew() {
   timed_ = lead_ = offset_ = 0;
   longest_run_ = 0;
   first_.reset();
-  is_unsettled_ = decoder_delay_ > 0;
+  is_unsettled_ = is_anew_ = decoder_delay_ > 0;
 }
 
 std::optional<PictureOrder::Picture> PictureOrder::next() {

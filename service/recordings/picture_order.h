@@ -128,6 +128,7 @@ class PictureOrder {
   Gaps gaps_;
   // Of stamps in the order of decoding:
   int decoder_delay_ = 0;
+  bool is_anew_ = false;       // begin_anew(), and no time since
   bool is_unsettled_ = false;  // times of decoding, or of the encoder's calls
   std::deque<Ordered> unsettled_;
   std::int64_t ordered_ = 0, lead_ = 0;  // stamps; the pictures by which theirs is shown later

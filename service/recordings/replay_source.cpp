@@ -436,6 +436,9 @@ class Stream {
     if (camera_.trusts_times) return;
     if (const auto rounding = remark_on_rounding(camera_))
       warn(camera_.times_file.filename().string() + ": " + *rounding);
+    if (const auto timecode = problem_of_timecode(camera_)) throw files::ConfigError(camera_.times_file, 0, *timecode);
+    if (const auto count = reader_->frame_count())
+      if (const auto rows = problem_of_rows(camera_, *count)) contradict(*rows);
     const auto problem = problem_of_listed_times(camera_, reader_->frame_period());
     if (problem && problem->is_of_unit) throw files::ConfigError(camera_.times_file, 0, problem->text);
     if (problem) {

@@ -46,7 +46,9 @@ constexpr ListedTimesTuning listed_times{};
 
 struct FilmTimesTuning {
   std::int64_t enough = 4;  // pictures, for a rate by their stamps
-  double slack = 0.02;      // of a rate: 29.97 is 30
+  double slack = 0.02;      // of a rate by few pictures, or whose stamps vary
+  // Of a rate by many pictures with even stamps: half as much again as 29.97 differs from 30.
+  double even_slack = 0.0015;
   double gap = 0.9;         // usual steps: a picture is missing
   std::size_t window = 16;  // pictures, in which a late stamp is made up for
   // Matroska and tables with three decimals round to the millisecond: steps between even times vary by as much.
@@ -131,6 +133,50 @@ std::optional<TimesProblem> problem_of_listed_times(const RecordedCamera& camera
                                      : std::string(": correct them, or leave timestamps out");
   problem.text += or_confirm;
   return problem;
+}
+
+std::optional<std::string> problem_of_rows(const RecordedCamera& camera, std::int64_t film_frames) {
+  const auto& rows = camera.timestamps;
+  const auto count = static_cast<std::int64_t>(rows.size());
+  if (rows.front().first != 0 || rows.back().first != count - 1 || film_frames <= count) return std::nullopt;
+  const double usual_s = seconds_a_frame(camera);
+  std::int64_t missing = 0, first = 0;
+  for (std::size_t k = 1; k < rows.size(); ++k) {
+    const auto steps = std::lround(capture::seconds(rows[k].second - rows[k - 1].second) / usual_s);
+    if (steps > 1 && missing == 0) first = static_cast<std::int64_t>(k);
+    missing += std::max(0L, steps - 1);
+  }
+  if (missing == 0 || missing != film_frames - count) return std::nullopt;
+  return fmt::format(
+      "{} has {} rows, and leaves out {} in its times, first before row {}; the film has {} frames, which is as many "
+      "as "
+      "with those: from there on, rows stand for other frames: number the rows by the film's frames; if they are "
+      "right, "
+      "add {}",
+      camera.times_file.filename().string(), count, missing == 1 ? "a frame" : fmt::format("{} frames", missing), first,
+      film_frames, how_to_confirm);
+}
+
+std::optional<std::string> problem_of_timecode(const RecordedCamera& camera) {
+  using namespace std::chrono_literals;
+  const auto& rows = camera.timestamps;
+  std::size_t seconds = 0;
+  for (const capture::Duration unit : {capture::Duration(100ms), capture::Duration(10ms), capture::Duration(1ms)}) {
+    seconds = 0;
+    const bool is_timecode = std::ranges::all_of(rows.begin() + 1, rows.end(), [&](const auto& row) {
+      const auto at = row.second.time_since_epoch(), before = (&row - 1)->second.time_since_epoch();
+      if (at - before == unit * (row.first - (&row - 1)->first)) return true;
+      ++seconds;
+      return at % 1s == 0s && at - before < 1s;
+    });
+    if (is_timecode && seconds >= 2) break;
+    seconds = 0;
+  }
+  if (seconds == 0) return std::nullopt;
+  return fmt::format(
+      "its times look like seconds and frames (timecode), since every {} rows they go on at a full second: give fps "
+      "instead of timestamps, or write them as seconds; if they are right, add {}",
+      rows.size() / seconds, how_to_confirm);
 }
 
 std::optional<RateRemark> remark_on_measured_rate(const RecordedCamera& camera, capture::Duration film_period,
@@ -264,6 +310,7 @@ void TimesBesideFilm::see(std::int64_t index, capture::Timestamp stated, capture
   }
   if (!has_compared_ && index - first_->index >= film_times.enough) compare_rates(picture);
   look_for_gap();
+  compare_lengths(picture);
 }
 
 void TimesBesideFilm::end() {
@@ -280,6 +327,18 @@ void TimesBesideFilm::compare_rates(const Seen& picture) {
   const auto contradicts = [&](double s) { return std::abs(s / stated_s - 1) >= film_times.slack; };
   if (!contradicts(film_s) || (film_period_s_ > 0 && !contradicts(film_period_s_))) return;
   report_rate(stated_s, film_s, leave_out);
+}
+
+// Small differences of rates add up: two even clocks must not be further apart than rounding explains.
+void TimesBesideFilm::compare_lengths(const Seen& picture) {
+  const double stated_s = picture.stated_s - first_->stated_s, film_s = picture.film_s - first_->film_s;
+  const auto contradicts = [](double a_s, double b_s, double rounding_s) {
+    return std::abs(a_s - b_s) > film_times.even_slack * b_s + 2 * rounding_s;
+  };
+  if (has_problem_ || !contradicts(stated_s, film_s, film_times.rounding_s) || do_vary(film_steps_s_)) return;
+  if (film_period_s_ > 0 && stated_period_s_ > 0 && !contradicts(stated_period_s_, film_period_s_, 0)) return;
+  const auto count = static_cast<double>(picture.index - first_->index);
+  report_rate(stated_s / count, film_s / count, leave_out);
 }
 
 void TimesBesideFilm::see_header(capture::Duration period) {

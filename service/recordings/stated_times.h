@@ -26,6 +26,13 @@ struct TimesProblem {
 // it has none, as images. nullopt: they may be right.
 std::optional<TimesProblem> problem_of_listed_times(const RecordedCamera& camera, capture::Duration file_period);
 
+// A table with a row for every frame but those that it leaves out in its times, of a film that has these frames, too:
+// its rows are numbered without them.
+std::optional<std::string> problem_of_rows(const RecordedCamera& camera, std::int64_t film_frames);
+
+// Times as seconds.frames: 0.28, 0.29, 1.00, 1.01.
+std::optional<std::string> problem_of_timecode(const RecordedCamera& camera);
+
 struct RateRemark {
   std::string text;
   bool is_mistake = false;  // false: the table is right, and the film's header is not
@@ -82,6 +89,7 @@ class TimesBesideFilm {
     double stated_s, film_s;
   };
   void compare_rates(const Seen& picture);
+  void compare_lengths(const Seen& picture);
   void report_rate(double stated_period_s, double film_period_s, std::string_view remedy);
   void look_for_gap();
   void look_for_gap_beside_measured();

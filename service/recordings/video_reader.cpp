@@ -169,9 +169,25 @@ struct VideoReader::Impl {
       const bool begins_anywhere = (format->iformat->flags & AVFMT_TS_DISCONT) != 0;
       if (begins_anywhere && stream->start_time != AV_NOPTS_VALUE) clock_start = stream->start_time;
     }
+    if (stream) note_priming();
     damaged = log.container_count() > 0;  // while finding the streams
     log.take();
     note_layout();
+  }
+
+  // Matroska has no times before 0: where AAC begins earlier, with the samples that prime its decoder, FFmpeg's muxer
+  // makes all times later by those.
+  void note_priming() {
+    const AVDictionaryEntry* muxer = av_dict_get(format->metadata, "encoder", nullptr, 0);
+    if (!std::string_view(format->iformat->name).starts_with("matroska") || muxer == nullptr ||
+        !std::string_view(muxer->value).starts_with("Lavf"))
+      return;
+    constexpr int aac_frame = 1024;  // samples; one of them primes the decoder
+    for (unsigned i = 0; i < format->nb_streams; ++i) {
+      const AVStream& sound = *format->streams[i];
+      if (sound.codecpar->codec_id == AV_CODEC_ID_AAC && sound.codecpar->sample_rate > 0 && sound.start_time == 0)
+        priming = av_rescale_q(aac_frame, {1, sound.codecpar->sample_rate}, stream->time_base);
+    }
   }
 
   // Of an MP4 or MOV: an edit list leaves some out, at the ends (no packets) or up to its first picture (trimmed ones).
@@ -298,14 +314,18 @@ struct VideoReader::Impl {
   // and NUT do not store times of decoding: there a whole number of frames is taken for it.
   void find_decoding_delay() {
     has_first_packet = true;
-    const std::int64_t first = is_avi || stream->start_time == AV_NOPTS_VALUE ? packet->pts : stream->start_time;
+    const std::int64_t begin = is_avi || stream->start_time == AV_NOPTS_VALUE ? packet->pts : stream->start_time;
     const int reordered = stream->codecpar->video_delay;
-    if (clock_start || reordered == 0 || first == AV_NOPTS_VALUE || first <= 0) return;
+    if (clock_start || begin == AV_NOPTS_VALUE || begin <= 0) return;
     const auto is_none = [&](double ticks) { return std::abs(ticks) * av_q2d(stream->time_base) <= rounding_s; };
+    if (priming > 0 && (begin >= priming || is_none(static_cast<double>(begin - priming))))
+      decoding_delay = is_none(static_cast<double>(begin - priming)) ? begin : priming;
+    const std::int64_t first = begin - decoding_delay;
+    if (reordered == 0 || first <= 0) return;
     const std::string_view container = format->iformat->name;
     const bool has_decoding_times = !is_avi && container != "nut" && !container.starts_with("matroska");
     if (has_decoding_times && packet->dts != AV_NOPTS_VALUE && is_none(static_cast<double>(packet->dts))) {
-      decoding_delay = first;
+      decoding_delay = begin;
       return;
     }
     const AVRational rate = stream->r_frame_rate.num > 0 ? stream->r_frame_rate : stream->avg_frame_rate;
@@ -313,7 +333,7 @@ struct VideoReader::Impl {
     const double frames = std::round(static_cast<double>(first) / period);
     const int longest = codec.codec().codec_id == AV_CODEC_ID_MPEG4 ? most_mpeg4_waits : reordered;
     if (!(frames >= 1 && frames <= longest && is_none(static_cast<double>(first) - frames * period))) return;
-    decoding_delay = first;
+    decoding_delay = begin;
     if (camera.fps > 0 || !camera.timestamps.empty() || camera.offset != capture::Duration::zero()) return;
     const std::string begin_s = std::to_string(capture::seconds(duration_of_ticks(first))).substr(0, 5);
     warnings.push_back(camera.frames.string() + ": begins at " + begin_s +
@@ -666,6 +686,7 @@ struct VideoReader::Impl {
   int next_avi_entry = 0;
   std::optional<std::int64_t> clock_start;  // ticks; of a container whose clock does not start at 0
   std::int64_t decoding_delay = 0;          // ticks, before the first picture
+  std::int64_t priming = 0;                 // ticks, by which sound makes a Matroska file's times later
   bool is_intra_only = false;
   bool is_delayed = false;
   bool is_avi = false;

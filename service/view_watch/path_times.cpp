@@ -18,7 +18,7 @@ struct PathTimesTuning {
   double speed_error = 0.15;     // of the speed within it
   double resolution_px = 0.03;   // of a sample, at best
   double most_sigmas = 3;        // beyond, a window is an outlier: a bounce, another region
-  double least_error_s = 0.002;  // 1 sigma of the times; costs some millimetres at usual speeds
+  double least_error_s = 0.003;  // 1 sigma of the times: rounding them to 10 ms, which has its own warning, costs less
   double least_share = 0.5;      // of the cost that a hypothesis must explain
   // Of a robust log-likelihood, twice: 32 is what the best of some 20,000 hypotheses gains by chance once in a
   // thousand (2 ln 20,000 + 10.8), times five, because each sample is in five windows.
