@@ -113,6 +113,48 @@ TEST(RepeatWatch, CameraMayChangeItsKind) {
   for (int i = 0; i < 60 * 12; ++i) ASSERT_FALSE(watch.is_repeated(i % 12 == 0 ? key = room.picture(40) : key)) << i;
 }
 
+// A picture as a film codes it that repeats `last`: some of it, in `of_16` of 16 columns, comes from `now`.
+Image coded_again(const Image& last, const Image& now, int of_16) {
+  WritableImage out = make_image(last.format, last.range, width, height);
+  const auto bytes = static_cast<std::ptrdiff_t>(plane_row_bytes(last.format, 0, width));
+  for (int v = 0; v < height; ++v)
+    for (std::ptrdiff_t b = 0; b < bytes; ++b)
+      out.data[0][v * out.image.planes[0].stride + b] =
+          (b * 16 / bytes < of_16 ? now : last).planes[0].data[v * last.planes[0].stride + b];
+  return out.image;
+}
+
+TEST(RepeatWatch, ReportsRepetitionsThatAFilmCodesAnew) {
+  Room room(1);
+  RepeatWatch watch;
+  Image last;
+  for (int i = 0; i < 40; ++i) ASSERT_FALSE(watch.is_repeated(last = room.picture(i)));
+  for (int i = 0; i < 100; ++i) {
+    ASSERT_TRUE(watch.is_repeated(last = coded_again(last, room.picture(40), 2))) << i;
+    ASSERT_FALSE(watch.is_repeated(last = room.picture(i)));
+  }
+}
+
+// Low bit rates code noise in some of the picture.
+TEST(RepeatWatch, FilmsWithSomeNoiseAreNotRepeated) {
+  Room room(1);
+  RepeatWatch watch;
+  Image last = room.picture(40);
+  for (int i = 0; i < 300; ++i)
+    ASSERT_FALSE(watch.is_repeated(last = coded_again(last, room.picture(i % 160), 2 + i * 7 % 13))) << i;
+}
+
+// The light goes off, or the bit rate sinks.
+TEST(RepeatWatch, AFilmThatLosesItsNoiseIsNotRepeatedForLong) {
+  Room room(1);
+  RepeatWatch watch;
+  Image last;
+  for (int i = 0; i < 300; ++i) ASSERT_FALSE(watch.is_repeated(last = room.picture(i % 160)));
+  int repeated = 0;
+  for (int i = 0; i < 300; ++i) repeated += watch.is_repeated(last = coded_again(last, room.picture(40), 1));
+  EXPECT_LE(repeated, 12);
+}
+
 TEST(RepeatWatch, CoveredCameraIsNotRepeated) {
   RepeatWatch watch;
   Room room(1);
