@@ -79,7 +79,7 @@ struct Unread {
 };
 constexpr string_view transforms =
     "transforms.json of nerfstudio or instant-ngp, the poses of a camera that was carried around,";
-constexpr std::array<Unread, 10> unread{{{"Camera.fx", "ORB-SLAM's settings"},
+constexpr std::array<Unread, 11> unread{{{"Camera.fx", "ORB-SLAM's settings"},
                                          {"Camera1.fx", "ORB-SLAM's settings"},
                                          {"projection_parameters", "camodocal's or VINS-Fusion's camera"},
                                          {"mirror_parameters", "camodocal's or VINS-Fusion's camera"},
@@ -87,7 +87,8 @@ constexpr std::array<Unread, 10> unread{{{"Camera.fx", "ORB-SLAM's settings"},
                                          {"fl_x", transforms},
                                          {"value0", "Basalt's calibration"},
                                          {"Calibration", "calib.io's calibration"},
-                                         {"calibration", "Qualisys' calibration"},
+                                         {"calibration.cameras", "Qualisys' calibration"},
+                                         {"calibration.projection", "Metashape's or Agisoft Lens' calibration"},
                                          {"target_type", "Kalibr's target file, which is given as --board,"}}};
 
 // The file, as it is arranged.
@@ -153,7 +154,10 @@ std::vector<std::pair<std::string, Section>> sections_of(const Section& root) {
   if (more) seen.resize(most);
   std::string is = "is no calibration that import knows";
   for (const Unread& known : unread) {
-    if (root.has(known.mark)) is = "is " + std::string(known.label) + " and cannot be imported";
+    const std::size_t dot = known.mark.find('.');
+    const auto inner = dot == string_view::npos ? std::nullopt : root.map(known.mark.substr(0, dot));
+    if (root.has(known.mark) || (inner && inner->has(known.mark.substr(dot + 1))))
+      is = "is " + std::string(known.label) + " and cannot be imported";
   }
   throw files::ConfigError(
       root.file(), 0,
@@ -417,7 +421,7 @@ class Importer {
       read_suffixes(found);
       for (const Section& root : roots) note_left_out(root.file().filename().string(), root);
     } else {
-      read_sections(found, tool);
+      read_sections(roots.front(), found, tool);
       note_rest(roots.front(), found);
     }
     for (const std::string& wanted : options_.cameras) {
@@ -575,7 +579,18 @@ class Importer {
     return pose_of(section, rotation_words, translation_words);
   }
 
-  void read_sections(const Found& found, const Tool& tool) {
+  // Of multical, which keeps the poses apart from the lenses: cam0, cam1_to_cam0, of which the latter is cam1 from
+  // cam0.
+  static std::optional<calib::Rigid3d> pose_apart(const Section& root, const std::string& camera) {
+    const auto poses = root.map("camera_poses");
+    if (!poses) return std::nullopt;
+    for (const auto& [name, section] : poses->maps())
+      if (name == camera || name.starts_with(camera + "_to_"))
+        return pose_of(section, rotation_words, translation_words);
+    return std::nullopt;
+  }
+
+  void read_sections(const Section& root, const Found& found, const Tool& tool) {
     const bool chain = std::ranges::any_of(found.cameras, [](const auto& c) { return c.second.has("T_cn_cnm1"); });
     calib::Rigid3d before;
     std::set<double> groups;
@@ -588,6 +603,7 @@ class Importer {
       if (chain) require_chained(key, section, c);
       std::optional<calib::Rigid3d> pose;
       if (chain || is_wanted(names_[c])) pose = section_pose(section, chain, before);
+      if (!pose && is_wanted(names_[c])) pose = pose_apart(root, key);
       if (chain) before = *pose;
       add(names_[c], section, {}, pose);
       if (!is_wanted(names_[c])) continue;

@@ -116,7 +116,8 @@ void MistakeWatch::look_at_paths(const capture::FrameSet& set, std::span<const o
                                  std::vector<PathOfCamera>& paths) {
   if (!first_at_) first_at_ = set.at;
   for (std::size_t c = 0; c < paths.size(); ++c) {
-    if (paths[c].fault || !set.frames[c]) continue;
+    const auto is_known = [&](const auto& of_target) { return c < of_target.size() && of_target[c].fault; };
+    if (!set.frames[c] || std::ranges::any_of(paths_, is_known)) continue;
     const object_tracking::SeenRegion* seen = nullptr;
     for (const auto& region : regions)
       if (std::size_t(region.camera) == c &&

@@ -264,9 +264,11 @@ class Stream {
       if (last_stamp_ && *stamp <= *last_stamp_) {
         if (back_count_++ == 0) first_back_ = {picture->index, *last_stamp_};
         furthest_back_ = std::max(furthest_back_, *last_stamp_ - *stamp);
+        longest_back_ = std::max(longest_back_, ++back_run_);
         continue;  // its number counts as missing
       }
       last_stamp_ = stamp;
+      back_run_ = 0;
       const capture::Timestamp at = has_exact_times() ? *stamp : clock_.smoothed(*stamp);
       last_index_ = picture->index;
       if (camera_.received.empty()) {
@@ -525,7 +527,25 @@ class Stream {
 
   // At the end, when it is known how many there were.
   void note_left_out() {
-    if (back_count_ > 0)
+    constexpr std::int64_t shortest_part = 3;  // pictures in a row: fewer are damaged stamps
+    const bool is_of_bag = !camera_.topic.empty();
+    if (back_count_ > 0 && furthest_back_ == capture::Duration::zero())
+      warn(fmt::format(
+          "{} frames have the time stamp of the one before, first frame {} (at {:.3f} s), and are left out: {}",
+          back_count_, first_back_.first, capture::seconds(first_back_.second),
+          is_of_bag
+              ? "the driver does not stamp every picture (header.stamp): correct it, or write images, and give fps"
+              : "give fps or timestamps"));
+    else if (longest_back_ >= shortest_part && !reader_->wrong_times() && !camera_.trusts_times)
+      contradict(
+          fmt::format("its time stamps begin again at frame {} (at {:.3f} s), {:.3f} s earlier, {}: {} frames are left "
+                      "out, and those "
+                      "that follow have wrong times: {}",
+                      first_back_.first, capture::seconds(first_back_.second), capture::seconds(furthest_back_),
+                      is_of_bag ? "as where a clock was set" : "as where files were put together (cat)", back_count_,
+                      is_of_bag ? "correct its stamps, or give the two parts as recordings of their own"
+                                : "join the parts with ffmpeg -f concat, or give fps or timestamps"));
+    else if (back_count_ > 0)
       warn(fmt::format(
           "its time stamps go back, first at frame {} (at {:.3f} s), by up to {:.3f} s: {} frames are left out{}",
           first_back_.first, capture::seconds(first_back_.second), capture::seconds(furthest_back_), back_count_,
@@ -565,6 +585,7 @@ class Stream {
   capture::CombWatch combs_;
   std::vector<std::string> mistakes_;
   std::int64_t unstamped_ = 0, back_count_ = 0;             // left out
+  std::int64_t back_run_ = 0, longest_back_ = 0;            // of these, in a row
   std::pair<std::int64_t, capture::Timestamp> first_back_;  // index, and the time before
   capture::Duration furthest_back_{0};
   bool is_stamped_ = false;  // by its file

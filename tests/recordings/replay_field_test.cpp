@@ -500,7 +500,7 @@ TEST_F(FieldFile, StampsThatGoBackAreCounted) {  // two files as one
   capture::write_text(folder / "twice.ts", bytes);
   const FieldPlay played = play_field(folder / "twice.ts");
   EXPECT_GE(played.shown.size(), 11u);
-  EXPECT_THAT(played.warnings, Contains(AllOf(HasSubstr("go back, first at frame 1"), HasSubstr("frames are left out"),
+  EXPECT_THAT(played.warnings, Contains(AllOf(HasSubstr("begin again at frame 1"), HasSubstr("frames are left out"),
                                               HasSubstr("give fps or timestamps"))));
   EXPECT_GE(play_field(folder / "twice.ts", 25).images.size(), 22u);
 }

@@ -73,7 +73,7 @@ void add(const Image& before, const Image& image, CombEvidence& evidence) {
   require_all(before);
   require_all(image);
   const Brightness old_pixels = brightness_of(before), pixels = brightness_of(image);
-  Curvature sum;
+  Curvature sum, columns;
   std::int64_t tops = 0, bottoms = 0;
   for (int y = 2; y + 2 < image.height; ++y) {
     const std::uint8_t *p = pixels.data + y * pixels.stride, *old = old_pixels.data + y * old_pixels.stride;
@@ -83,10 +83,16 @@ void add(const Image& before, const Image& image, CombEvidence& evidence) {
       ++evidence.moving;
       const Curvature of = curvature(p, pixels.stride);
       sum.row += of.row, sum.field += of.field;
+      if (x >= 2 && x + 2 < image.width) {
+        const Curvature along = curvature(p, pixels.step);
+        columns.row += along.row, columns.field += along.field;
+      }
       of_field += std::abs(old[-old_pixels.stride] + old[old_pixels.stride] - 2 * *p);
     }
   }
   evidence.row_curvature += static_cast<double>(sum.row), evidence.field_curvature += static_cast<double>(sum.field);
+  evidence.column_curvature += static_cast<double>(columns.row);
+  evidence.second_column_curvature += static_cast<double>(columns.field);
   evidence.top_after_bottom += static_cast<double>(tops), evidence.bottom_after_top += static_cast<double>(bottoms);
   for (const int color : {0, 1}) {
     if (image.format == PixelFormat::i420) add_colors(before, image, 1 + color, 0, 1, evidence);
@@ -121,7 +127,12 @@ bool CombWatch::has_mixed_colors() const {
          evidence_.color_ratio() < tuning.mixed;
 }
 
+bool CombWatch::is_mosaic() const {
+  return evidence_.ratio() > tuning.combed && evidence_.column_ratio() > tuning.combed;
+}
+
 bool CombWatch::is_contradicted() const {
+  if (is_mosaic()) return true;
   const bool is_combed = evidence_.ratio() > tuning.combed;
   // What to do depends on the colours, of which there are fewer.
   const bool waits = shares_colors_ && evidence_.color_combed < tuning.enough_colors;
@@ -136,6 +147,10 @@ bool CombWatch::is_contradicted() const {
 
 std::optional<std::string> CombWatch::take_problem() {
   if (!std::exchange(has_problem_, false)) return std::nullopt;
+  if (is_mosaic())
+    return "is a raw mosaic of colours (Bayer) that is stored as a picture: neighbouring pixels alternate along rows "
+           "and "
+           "columns: store pictures in colour; in a ROS bag give their real encoding, as bayer_rggb8";
   const std::string mixed =
       "its colours are mixed from both fields, as by a program that took it for progressive (4:2:0), so positions stay "
       "wrong where the target moves: record 4:2:2, or with the interlaced flag (ffmpeg: -flags +ildct+ilme)";

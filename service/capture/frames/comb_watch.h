@@ -15,10 +15,11 @@
 namespace huetrack::capture {
 
 struct CombEvidence {
-  double row_curvature = 0;                           // sum over moving pixels of |p[y-1] - 2 p[y] + p[y+1]|
-  double field_curvature = 0;                         // the same, two rows up and down: within one field
-  double top_after_bottom = 0, bottom_after_top = 0;  // difference of each field's rows from the other's before
-  std::int64_t moving = 0;                            // pixels
+  double row_curvature = 0;                                  // sum over moving pixels of |p[y-1] - 2 p[y] + p[y+1]|
+  double field_curvature = 0;                                // the same, two rows up and down: within one field
+  double column_curvature = 0, second_column_curvature = 0;  // as these, along the rows: one and two columns apart
+  double top_after_bottom = 0, bottom_after_top = 0;         // difference of each field's rows from the other's before
+  std::int64_t moving = 0;                                   // pixels
   // Of the colours' own rows, where a row of theirs stands for two of the picture (4:2:0) and the picture is combed.
   double color_row_curvature = 0, color_field_curvature = 0;
   std::int64_t color_combed = 0;  // samples
@@ -26,6 +27,8 @@ struct CombEvidence {
   // Curvature falls with the distance in films (0.34 to 0.55 in all of ours), is equal in noise (1), and rises with
   // fields (1.27 to 2.7).
   double ratio() const { return field_curvature > 0 ? row_curvature / field_curvature : 0; }
+  // As ratio(), along the rows, where fields leave the curvature of a film, and a mosaic of colours that of fields.
+  double column_ratio() const { return second_column_curvature > 0 ? column_curvature / second_column_curvature : 0; }
   double color_ratio() const { return color_field_curvature > 0 ? color_row_curvature / color_field_curvature : 0; }
   bool is_top_first() const { return top_after_bottom < bottom_after_top; }
   // >= 1: ratio of the two fields' differences from the picture before; 0: unknown.
@@ -52,6 +55,7 @@ class CombWatch {
 
  private:
   bool is_contradicted() const;
+  bool is_mosaic() const;  // raw samples behind a colour filter (Bayer)
   // The colours were halved as those of whole pictures are, so each of their rows is the mean of both fields.
   bool has_mixed_colors() const;
 
