@@ -87,7 +87,7 @@ constexpr std::array<Unread, 11> unread{{{"Camera.fx", "ORB-SLAM's settings"},
                                          {"fl_x", transforms},
                                          {"value0", "Basalt's calibration"},
                                          {"Calibration", "calib.io's calibration"},
-                                         {"calibration.cameras", "Qualisys' calibration"},
+                                         {"calibration", "Qualisys' calibration"},
                                          {"calibration.projection", "Metashape's or Agisoft Lens' calibration"},
                                          {"target_type", "Kalibr's target file, which is given as --board,"}}};
 

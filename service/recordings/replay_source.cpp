@@ -529,7 +529,7 @@ class Stream {
   void note_left_out() {
     constexpr std::int64_t shortest_part = 3;  // pictures in a row: fewer are damaged stamps
     const bool is_of_bag = !camera_.topic.empty();
-    if (back_count_ > 0 && furthest_back_ == capture::Duration::zero())
+    if (back_count_ > 0 && furthest_back_ == capture::Duration::zero() && !reader_->wrong_times())
       warn(fmt::format(
           "{} frames have the time stamp of the one before, first frame {} (at {:.3f} s), and are left out: {}",
           back_count_, first_back_.first, capture::seconds(first_back_.second),

@@ -335,10 +335,11 @@ void TimesBesideFilm::compare_lengths(const Seen& picture) {
   const auto contradicts = [](double a_s, double b_s, double rounding_s) {
     return std::abs(a_s - b_s) > film_times.even_slack * b_s + 2 * rounding_s;
   };
-  if (has_problem_ || !contradicts(stated_s, film_s, film_times.rounding_s) || do_vary(film_steps_s_)) return;
+  if (has_problem_ || film_steps_s_.size() < film_times.window) return;
+  if (!contradicts(stated_s, film_s, film_times.rounding_s) || do_vary(film_steps_s_)) return;
   if (film_period_s_ > 0 && stated_period_s_ > 0 && !contradicts(stated_period_s_, film_period_s_, 0)) return;
   const auto count = static_cast<double>(picture.index - first_->index);
-  report_rate(stated_s / count, film_s / count, leave_out);
+  report_rate(stated_s / count, film_period_s_ > 0 ? film_period_s_ : film_s / count, leave_out);
 }
 
 void TimesBesideFilm::see_header(capture::Duration period) {

@@ -43,7 +43,8 @@ struct Clip {
   // The second field of frame k shows level_of_frame(k) + second_field.
   enum class Fields { none, top_first, bottom_first };
   Fields fields = Fields::none;
-  double turned_deg = 0;  // clockwise, as a tag of the container
+  bool has_sound = false;  // AAC, whose first packet primes its decoder
+  double turned_deg = 0;   // clockwise, as a tag of the container
   AVRational pixel_shape{1, 1};
   bool standard_huffman = false;                  // mjpeg: the tables that webcams use, and leave out
   std::function<void(AVFrame&, int)> paint = {};  // instead of the levels
@@ -133,6 +134,15 @@ inline void write_clip(const std::filesystem::path& file, const Clip& clip) {
         av_stream_new_side_data(stream, AV_PKT_DATA_DISPLAYMATRIX, 9 * sizeof(std::int32_t)));
     av_display_rotation_set(matrix, clip.turned_deg);
   }
+  AVStream* sound = clip.has_sound ? avformat_new_stream(output.get(), nullptr) : nullptr;
+  if (sound != nullptr) {
+    sound->codecpar->codec_type = AVMEDIA_TYPE_AUDIO, sound->codecpar->codec_id = AV_CODEC_ID_AAC;
+    sound->codecpar->sample_rate = 44'100;
+    sound->codecpar->ch_layout = AV_CHANNEL_LAYOUT_MONO;
+    sound->codecpar->extradata = static_cast<std::uint8_t*>(av_mallocz(2 + AV_INPUT_BUFFER_PADDING_SIZE));
+    sound->codecpar->extradata[0] = 0x12, sound->codecpar->extradata[1] = 0x08, sound->codecpar->extradata_size = 2;
+    sound->time_base = {1, 44'100};
+  }
   if ((output->oformat->flags & AVFMT_NOFILE) == 0)
     check(avio_open(&output->pb, file.c_str(), AVIO_FLAG_WRITE), "file");
   output->flags |= AVFMT_FLAG_BITEXACT;
@@ -140,6 +150,14 @@ inline void write_clip(const std::filesystem::path& file, const Clip& clip) {
 
   const std::unique_ptr<AVPacket, void (*)(AVPacket*)> packet(av_packet_alloc(),
                                                               [](AVPacket* p) { av_packet_free(&p); });
+  for (int k = 0; sound != nullptr && k < 2; ++k) {
+    check(av_new_packet(packet.get(), 8), "packet");
+    packet->pts = packet->dts = 1024 * (k - 1), packet->duration = 1024;
+    packet->stream_index = sound->index, packet->flags = AV_PKT_FLAG_KEY;
+    av_packet_rescale_ts(packet.get(), {1, 44'100}, sound->time_base);
+    check(av_write_frame(output.get(), packet.get()), "packet");
+    av_packet_unref(packet.get());
+  }
   int packets = 0;
   const auto write_packets = [&] {
     while (avcodec_receive_packet(codec.get(), packet.get()) == 0) {

@@ -37,6 +37,25 @@ TEST(CombWatch, NamesPicturesOfTwoMomentsAndTheFieldThatIsFirst) {
   }
 }
 
+// Raw samples behind a colour filter, of which green is brighter than red and blue.
+TEST(CombWatch, NamesAMosaicOfColors) {
+  std::mt19937_64 random(1);
+  CombWatch watch;
+  std::optional<std::string> problem;
+  for (int k = 0; k < 80 && !problem; ++k) {
+    const Image picture = comb_picture({.format = PixelFormat::grey}, k % 8, random);
+    WritableImage raw = make_image(PixelFormat::grey, ColorRange::full, picture.width, picture.height);
+    for (int v = 0; v < picture.height; ++v)
+      for (int u = 0; u < picture.width; ++u) {
+        const int level = picture.planes[0].data[v * picture.planes[0].stride + u];
+        raw.data[0][v * raw.image.planes[0].stride + u] = static_cast<std::uint8_t>(u % 2 != v % 2 ? level : level / 3);
+      }
+    watch.see(raw.image);
+    problem = watch.take_problem();
+  }
+  EXPECT_THAT(problem, testing::Optional(AllOf(HasSubstr("raw mosaic"), testing::Not(HasSubstr("interlaced")))));
+}
+
 TEST(CombWatch, NamesFieldsThatAreStatedInTheWrongOrder) {
   for (const CombRows rows : {CombRows::top_first, CombRows::bottom_first})
     for (const FirstField first : {FirstField::top, FirstField::bottom})

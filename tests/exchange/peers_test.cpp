@@ -230,6 +230,24 @@ TEST_F(Peers, KalibrChainHasTheFirstCamerasFrame) {
   EXPECT_LT((one.rig.cameras[0].centre() - in.rig.cameras[1].centre()).norm(), 1e-12);
 }
 
+TEST_F(Peers, MulticalKeepsPosesApart) {
+  const calib::CameraRig rig = truth();
+  const calib::Rigid3d first = rig.cameras[0].cam_from_world;
+  std::string lenses, poses;
+  for (const int c : {0, 1}) {
+    const calib::Camera& camera = rig.cameras[std::size_t(c)];
+    const calib::Rigid3d pose = camera.cam_from_world * calib::inverse(first);
+    const std::string comma = c > 0 ? ", " : "";
+    lenses += fmt::format(R"({}"cam{}": {{"image_size": [320, 240], "K": [{}], "dist": [{}]}})", comma, c,
+                          numbers(k_of(camera)), numbers(d_of(camera)));
+    poses += fmt::format(R"({}"cam{}": {{"R": [{}], "T": [{}]}})", comma, c == 0 ? "0" : "1_to_cam0",
+                         numbers(rotation_of(pose)),
+                         numbers({pose.translation.x(), pose.translation.y(), pose.translation.z()}));
+  }
+  expect_rig(import("calibration.json", "{\"cameras\": {" + lenses + "}, \"camera_poses\": {" + poses + "}}").rig,
+             first);
+}
+
 TEST_F(Peers, EasyMocap) {
   std::string intri = "%YAML:1.0\n---\nnames:\n   - \"1\"\n   - \"2\"\n", extri = intri;
   for (const int c : {0, 1}) {
@@ -458,6 +476,9 @@ TEST_F(Peers, ARefusalNamesTheToolAndTheKeys) {
   EXPECT_THAT(error_of("any.json", R"({"a": 1, "b": [2]})"), AllOf(HasSubstr("no calibration"), HasSubstr("a, b")));
   EXPECT_THAT(error_of("qualisys.xml", "<?xml version='1.0'?><calibration created='x'><cameras/></calibration>"),
               HasSubstr("Qualisys"));
+  EXPECT_THAT(
+      error_of("lens.xml", "<?xml version='1.0'?><calibration><projection>frame</projection><f>1.5</f></calibration>"),
+      HasSubstr("Metashape"));
   EXPECT_THAT(error_of("list.json", "[1, 2]"), HasSubstr("no keys"));
   EXPECT_THAT(
       error_of("transforms.json", R"({"camera_angle_x": 0.7, "fl_x": 900, "frames": [{"file_path": "a.png"}]})"),

@@ -121,6 +121,28 @@ TEST(PictureOrder, AnotherEncoderWaitsAnew) {
   }
 }
 
+// I P B B twice in an ASF of FFmpeg: between them its times of decoding leave out the delay.
+TEST(PictureOrder, TheDelayIsTakenOutWhereFilmsWereJoined) {
+  for (const int missing : {1, 4}) {  // 4: the camera dropped frames there
+    PictureOrder order;
+    order.take_times_of_decoding(1);
+    for (const int first : {0, 4}) {
+      const std::int64_t stamp = first > 0 ? first + missing : 0;
+      order.sent(stamp, false, true), order.sent(stamp + 1), order.shown(stamp, frame(first + 1));
+      order.sent(stamp + 2), order.shown(stamp + 2, frame(first + 2));
+      order.sent(stamp + 3), order.shown(stamp + 3, frame(first + 3));
+      order.shown(stamp + 1, frame(first + 4));
+      order.end();
+      order.begin_anew();
+    }
+    const auto pictures = taken(order);
+    ASSERT_EQ(pictures.size(), 8u);
+    for (int k = 0; k < 8; ++k)
+      EXPECT_EQ(pictures[std::size_t(k)], std::pair(Stamp(k < 4 || missing == 1 ? k : k + missing), k + 1));
+    EXPECT_EQ(order.joints().taken_out, missing == 1 ? 1 : 0);
+  }
+}
+
 // I P B B in an AVI of FFmpeg: a stamp is that of the picture shown as many before as the decoder's delay. The last
 // ones are in no file.
 TEST(PictureOrder, TimesOfDecodingAreThoseOfPicturesShownBefore) {

@@ -224,6 +224,53 @@ TEST(TimesBesideFilm, ContradictTheFilm) {
                                                        HasSubstr("slow motion"), HasSubstr("trust_times: true"))));
 }
 
+TEST(TimesBesideFilm, SmallDifferencesOfRatesAddUp) {
+  const auto problems = [](double fps, double film_hz, double jitter_s) {
+    TimesBesideFilm times(at_rate(fps), capture::duration_of(1 / film_hz));
+    for (int k = 0; k < 300; ++k)
+      times.see(k, at_s(k / fps), at_s(std::round(1e3 * (k / film_hz + jitter_s * ((k * 7) % 5))) / 1e3));
+    return times.take_problems();
+  };
+  for (const double fps : {29.5, 29.85, 30.4})
+    EXPECT_THAT(problems(fps, 30, 0), ElementsAre(HasSubstr("but the file itself 30 frames a second"))) << fps;
+  EXPECT_THAT(problems(30, 30 / 1.001, 0), IsEmpty());
+  EXPECT_THAT(problems(24, 24 / 1.001, 0), IsEmpty());
+  EXPECT_THAT(problems(29.7, 30, 0.002), IsEmpty()) << "measured: the header's rate is nominal";
+}
+
+// A table of 97 pictures at 30 Hz, of which the camera dropped three after 40.
+RecordedCamera with_gap() {
+  RecordedCamera camera;
+  camera.times_file = "t.csv";
+  for (int k = 0; k < 97; ++k) camera.timestamps.emplace_back(k, at_s((k < 40 ? k : k + 3) / 30.));
+  return camera;
+}
+
+TEST(RowsOfATable, ThatLeaveOutFramesOfTheFilmAreNamed) {
+  EXPECT_THAT(problem_of_rows(with_gap(), 100).value_or(""),
+              AllOf(HasSubstr("t.csv has 97 rows"), HasSubstr("3 frames in its times, first before row 40"),
+                    HasSubstr("trust_times: true")));
+  EXPECT_FALSE(problem_of_rows(with_gap(), 97)) << "the film lacks them, too";
+  EXPECT_FALSE(problem_of_rows(with_gap(), 105)) << "the table ends earlier";
+  RecordedCamera numbered = with_gap();
+  for (std::size_t k = 40; k < 97; ++k) numbered.timestamps[k].first += 3;
+  EXPECT_FALSE(problem_of_rows(numbered, 100));
+}
+
+TEST(ListedTimes, OfATimecodeAreNamed) {
+  const auto timecode = [](int fps, double unit_s, int count) {
+    RecordedCamera camera;
+    for (int k = 0; k < count; ++k) camera.timestamps.emplace_back(k, at_s(k / fps + unit_s * (k % fps)));
+    return problem_of_timecode(camera);
+  };
+  EXPECT_THAT(timecode(30, 0.01, 150).value_or(""), HasSubstr("seconds and frames"));
+  EXPECT_TRUE(timecode(25, 0.01, 100));
+  EXPECT_FALSE(timecode(100, 0.01, 350)) << "even";
+  EXPECT_FALSE(timecode(30, 0.01, 40)) << "one gap";
+  EXPECT_FALSE(problem_of_timecode(listed(1 / 30.)));
+  EXPECT_FALSE(problem_of_timecode(with_gap()));
+}
+
 TEST(TimesBesideFilm, ContradictAFilmThatLacksFrames) {
   for (const double fps : {30., 29.2})  // the second one: the header's average
     for (const int dropped : {1, 5}) {

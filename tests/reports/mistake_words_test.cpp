@@ -49,6 +49,16 @@ TEST(MistakeWords, NameCameraSizeAndRemedy) {
   EXPECT_THAT(text({MistakeKind::uneven_times, {0, 2}, 0.067, 9}),
               AllOf(HasSubstr("the time stamps of left and top are wrong"), HasSubstr("by up to 0.07 s"),
                     HasSubstr("timestamps")));
+  EXPECT_THAT(
+      text({.kind = MistakeKind::converted, .cameras = {1}, .size = 0.0096, .shown_hz = 25, .source_hz = 30.1}),
+      AllOf(HasSubstr("right's film looks converted from about 30 to 25 pictures a second, as the path of orange"),
+            HasSubstr("dropped"), HasSubstr("10 ms (1 sigma)"), HasSubstr("as the camera recorded it")));
+  EXPECT_THAT(text({.kind = MistakeKind::converted, .cameras = {1}, .size = 0.01, .shown_hz = 60, .source_hz = 30.2}),
+              AllOf(HasSubstr("repeatedly"), HasSubstr("every: 2")));
+  EXPECT_THAT(text({MistakeKind::exchanged, {1}, 0.03}),
+              AllOf(HasSubstr("every two pictures of right"), HasSubstr("field")));
+  EXPECT_THAT(text({.kind = MistakeKind::delayed, .cameras = {1}, .size = 0.0087, .shown_hz = 29.97}),
+              AllOf(HasSubstr("right's pictures vary by 9 ms"), HasSubstr("fps (about 30)")));
   EXPECT_THAT(text({MistakeKind::contradiction, {}, 0, 9}),
               AllOf(HasSubstr("up to 9 px apart"), HasSubstr("calibrate again")));
   EXPECT_THAT(text({MistakeKind::other_rig, {}, 0, 80}), HasSubstr("another room"));
