@@ -19,6 +19,7 @@
 #include "capture/frames/crop.h"
 #include "capture/timing/camera_clock.h"
 #include "recordings/bag_pictures.h"
+#include "recordings/blend_watch.h"
 #include "recordings/jpeg_stream.h"
 #include "recordings/matches_reader.h"
 #include "recordings/order_watch.h"
@@ -296,6 +297,7 @@ class Stream {
       }
       if (picture->image.width > 0 && has_the_size(*picture) && crop(*picture)) {
         watch_order(*picture);
+        if (camera_.received.empty() && !camera_.trusts_times) blends_.see(picture->index, picture->image);
         frame.status = capture::FrameStatus::ok;
         has_color_ = has_color_ || picture->matches || !is_grey(picture->image);
         info_.is_grey = !has_color_;
@@ -308,6 +310,7 @@ class Stream {
     if (!std::exchange(ended_, true)) {
       if (stated_times_) stated_times_->end();
       if (auto problem = order_ ? order_->problem() : std::nullopt) contradict(std::move(*problem));
+      if (auto problem = blends_.problem()) contradict(std::move(*problem));
       if (auto problem = reader_->wrong_times(); problem && !camera_.trusts_times) contradict(std::move(*problem));
       report_contradictions();
       note_listed_frames_that_never_came();
@@ -582,6 +585,7 @@ class Stream {
   std::optional<TimesBesideFilm> stated_times_;
   EvenTimes even_times_;
   std::optional<OrderWatch> order_;  // of a series of files
+  BlendWatch blends_;
   capture::CombWatch combs_;
   std::vector<std::string> mistakes_;
   std::int64_t unstamped_ = 0, back_count_ = 0;             // left out
