@@ -6,54 +6,55 @@
 #include <iterator>
 #include <utility>
 
+#include "calib/model/covariance_ellipse.h"
 #include "calib/model/median.h"
+#include "view_watch/pair_residuals.h"
 
 namespace huetrack::view_watch {
 namespace {
 
 struct PathTimesTuning {
-  std::size_t most_samples = 160;  // 5 s at 30 Hz
-  std::size_t least_windows = 40;
-  double speed_window_s = 0.1;   // before and after; a thrown ball's speed changes by 1 m/s in it
-  double speed_error = 0.15;     // of the speed within it
-  double resolution_px = 0.03;   // of a sample, at best
-  double most_sigmas = 3;        // beyond, a window is an outlier: a bounce, another region
   double least_error_s = 0.003;  // 1 sigma of the times: rounding them to 10 ms, which has its own warning, costs less
-  double least_share = 0.5;      // of the cost that a hypothesis must explain
-  // Of a robust log-likelihood, twice: 32 is what the best of some 20,000 hypotheses gains by chance once in a
-  // thousand (2 ln 20,000 + 10.8), times five, because each sample is in five windows.
-  double least_gain = 160;
-  // Source pictures per picture shown. Beyond, a converted film is no film.
-  double least_ratio = 0.125, largest_ratio = 3;
-  int phases = 12;
 };
 constexpr PathTimesTuning path_tuning{};
-constexpr double sigma_of_median = 1 / 0.6745;  // maths: of |x| of a standard normal x
-constexpr std::size_t points = 5;               // maths: one more than a cubic has coefficients
+constexpr std::size_t most_seen = 160;                    // capacity: 5 s at 30 Hz
+constexpr double least_ratio = 0.125, largest_ratio = 3;  // capacity: of source pictures to those shown
+constexpr int phases = 12;                                // capacity: of a source picture
+constexpr double sigma_of_median = 1 / 0.6745;            // maths: of |x| of a standard normal x
+constexpr std::size_t points = 7;  // maths: one more than a quintic has coefficients
 
 using Sample = PathTimes::Sample;
 using Errors = std::vector<double>;  // seconds by which the stamps are late, per sample
 
 struct Window {
-  std::size_t first = 0;                 // sample
-  std::array<double, points> weights{};  // zero for every cubic; of norm 1
-  double speed_px_s = 0;
-  double along_px = 0, across_px = 0;  // the weighted sum of the samples
+  std::size_t first = 0;                   // sample
+  std::array<double, points> weights{};    // zero for every quintic; of norm 1
+  double speed_px_s = 0, speed_sigma = 0;  // the latter relative
+  double along_px = 0, across_px = 0;      // the weighted sum of the samples
   double sigma_px = 0;
 };
 
-// Of the samples about this time.
-Eigen::Vector2d velocity(const std::vector<Sample>& samples, std::size_t first, double mid_s) {
-  double t = 0, tt = 0, count = 0;
+struct Velocity {
+  Eigen::Vector2d px_per_s;
+  double sigma;  // of its size, relative
+};
+
+// Of the samples about this time, as far as a path may be taken as straight.
+Velocity velocity(const std::vector<Sample>& samples, std::size_t first, double mid_s) {
+  double t = 0, tt = 0, count = 0, xx = 0;
   Eigen::Vector2d x = Eigen::Vector2d::Zero(), tx = Eigen::Vector2d::Zero();
   for (std::size_t k = 0; k < samples.size(); ++k) {
     const double since_s = samples[k].t_s - mid_s;
     const bool is_of_window = k >= first && k < first + points;
-    if (!is_of_window && std::abs(since_s) > path_tuning.speed_window_s) continue;
+    if (!is_of_window && std::abs(since_s) > pair_sampling.longest_gap_s) continue;
+    const Eigen::Vector2d px = samples[k].px - samples[first].px;
     ++count, t += since_s, tt += since_s * since_s;
-    x += samples[k].px, tx += since_s * samples[k].px;
+    x += px, tx += since_s * px, xx += px.squaredNorm();
   }
-  return (tx - t / count * x) / (tt - t * t / count);
+  const double spread = tt - t * t / count;
+  const Eigen::Vector2d v = (tx - t / count * x) / spread;
+  const double left = std::max(0.0, xx - x.squaredNorm() / count - spread * v.squaredNorm());
+  return {v, std::sqrt(left / (count * spread)) / v.norm()};
 }
 
 std::optional<Window> window_at(const std::vector<Sample>& samples, std::size_t first) {
@@ -69,8 +70,9 @@ std::optional<Window> window_at(const std::vector<Sample>& samples, std::size_t 
     norm += window.weights[i] * window.weights[i];
     mid_s += samples[first + i].t_s / points;
   }
-  const Eigen::Vector2d v = velocity(samples, first, mid_s);
+  const auto [v, speed_sigma] = velocity(samples, first, mid_s);
   window.speed_px_s = v.norm();
+  window.speed_sigma = speed_sigma;
   if (!std::isfinite(norm) || !(window.speed_px_s > 0)) return std::nullopt;
   Eigen::Vector2d sum = Eigen::Vector2d::Zero();
   double variance = 0;
@@ -105,16 +107,20 @@ class Path {
     // The tracker's sigmas contain what lasts, too, which no difference shows.
     const double scale = sigma_of_median * calib::median(std::move(across));
     for (Window& window : windows_) {
-      window.sigma_px = std::hypot(scale * window.sigma_px, path_tuning.resolution_px);
+      window.sigma_px = scale * window.sigma_px + 1e-9;
       across_cost_ += cost(window.across_px, window.sigma_px);
-      window.sigma_px = std::hypot(window.sigma_px, path_tuning.speed_error * window.along_px);
+      window.sigma_px = std::hypot(window.sigma_px, window.speed_sigma * window.along_px);
     }
     as_is_ = cost_with(Errors(samples_.size(), 0.0));
+    // Twice the logarithm of a likelihood ratio that the best of so many hypotheses has by chance once in a thousand;
+    // each sample is in that many windows.
+    const double hypotheses = (largest_ratio - least_ratio) / step() * phases;
+    least_gain_ = points * (2 * std::log(hypotheses) + calib::chi2_999_in_1d);
   }
 
-  bool is_enough() const { return windows_.size() >= path_tuning.least_windows; }
+  bool is_enough() const { return !windows_.empty(); }
   // Otherwise no hypothesis can gain enough.
-  bool is_suspicious() const { return as_is_ - across_cost_ >= path_tuning.least_gain; }
+  bool is_suspicious() const { return as_is_ - across_cost_ >= least_gain_; }
 
   // The best hypothesis, if it is significant.
   std::optional<Mistake> fault(int camera) {
@@ -122,7 +128,7 @@ class Path {
     // A converted film's stamps are even.
     if (std::abs(usual_step_s_ / period_s_ - 1) < 0.5 / span_) try_exchanged(), try_conversions();
     const double gain = as_is_ - best_cost_;
-    if (!best_ || gain < path_tuning.least_gain || gain < path_tuning.least_share * as_is_) return std::nullopt;
+    if (!best_ || gain < least_gain_ || 2 * gain < as_is_) return std::nullopt;
     best_->cameras = {camera};
     return best_;
   }
@@ -140,7 +146,7 @@ class Path {
 
  private:
   static double cost(double off_px, double sigma_px) {
-    return std::min(std::pow(off_px / sigma_px, 2), std::pow(path_tuning.most_sigmas, 2));
+    return std::min(std::pow(off_px / sigma_px, 2), calib::chi2_999_in_1d);
   }
 
   double cost_with(const Errors& late_s) const {
@@ -187,13 +193,12 @@ class Path {
   // Picture k shows the source's picture floor(k ratio + phase).
   void try_conversions() {
     Errors late_s(samples_.size());
-    const double step = 0.25 / span_;  // a quarter of a picture at the end
-    for (double ratio = path_tuning.least_ratio; ratio <= path_tuning.largest_ratio; ratio += step) {
+    for (double ratio = least_ratio; ratio <= largest_ratio; ratio += step()) {
       if (std::abs(ratio - std::round(ratio)) * span_ < 3) continue;  // hardly a picture is dropped or repeated
-      for (int phase = 0; phase < path_tuning.phases; ++phase) {
+      for (int phase = 0; phase < phases; ++phase) {
         for (std::size_t k = 0; k < samples_.size(); ++k) {
           const double pictures = static_cast<double>(samples_[k].number - samples_.front().number) * ratio +
-                                  static_cast<double>(phase) / path_tuning.phases;
+                                  static_cast<double>(phase) / phases;
           late_s[k] = (pictures - std::floor(pictures)) * period_s_ / ratio;
         }
         try_errors(late_s, {.kind = MistakeKind::converted, .shown_hz = 1 / period_s_, .source_hz = ratio / period_s_});
@@ -201,11 +206,13 @@ class Path {
     }
   }
 
+  double step() const { return 1 / (4 * span_); }  // of ratios: a quarter of a picture at the end
+
   std::vector<Sample> samples_;
   std::vector<Window> windows_;
   double usual_step_s_ = 0, period_s_ = 0, span_ = 0;  // span: frames
   double as_is_ = 0, across_cost_ = 0;
-  double best_cost_ = 0;
+  double best_cost_ = 0, least_gain_ = 0;
   std::optional<Mistake> best_;
 };
 
@@ -214,12 +221,11 @@ class Path {
 void PathTimes::see(const Sample& sample) {
   if (!samples_.empty() && (sample.number <= samples_.back().number || sample.t_s <= samples_.back().t_s)) return;
   samples_.push_back(sample);
-  if (samples_.size() > path_tuning.most_samples) samples_.pop_front();
-  ++new_;
+  if (samples_.size() > most_seen) samples_.pop_front();
 }
 
 std::optional<Mistake> PathTimes::judge(int camera) {
-  if (new_ < path_tuning.least_windows || samples_.size() < path_tuning.least_windows + points - 1) return std::nullopt;
+  if (++new_ < most_seen / 4) return std::nullopt;
   new_ = 0;
   std::vector<Sample> all(samples_.begin(), samples_.end()), targets;
   std::ranges::copy_if(all, std::back_inserter(targets), &Sample::is_target);

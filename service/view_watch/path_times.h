@@ -34,13 +34,13 @@ class PathTimes {
   void see(const Sample& sample);
   void begin_anew() { samples_.clear(); }
 
-  // By the samples so far; none, unless enough are new since the last call that judged. camera: for the mistake. Some
+  // By the samples so far; none but in one of 40 calls. camera: for the mistake. Some
   // microseconds; where the path contradicts the stamps, some 10 ms.
   std::optional<Mistake> judge(int camera);
 
  private:
   std::deque<Sample> samples_;
-  std::size_t new_ = 0;  // samples since they were judged
+  std::size_t new_ = 0;  // calls since the samples were judged
 };
 
 }  // namespace huetrack::view_watch

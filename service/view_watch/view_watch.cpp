@@ -31,7 +31,7 @@ struct ViewSamplesTuning {
   int period_intervals = 64;     // averaged: rows make one longer, the next one shorter
 };
 constexpr ViewSamplesTuning view_samples{};
-constexpr double moves_px = 2 * view_samples.region_noise_px, path_px = 4 * view_samples.region_noise_px;
+constexpr double moves_px = 2 * view_samples.region_noise_px, path_px = 2 * moves_px;
 constexpr std::size_t most_spots = 16;              // capacity
 constexpr std::size_t most_cameras_at_a_time = 16;  // capacity: more would take too long
 constexpr double jitter = 0.9;                      // maths: of a period, so that no turn is missed
