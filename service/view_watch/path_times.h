@@ -1,8 +1,8 @@
 // Detects time stamps that the target's path in one camera contradicts: films whose frame rate was converted, fields
 // that are shown in the wrong order, tables of the times at which frames arrived.
 //
-// A picture whose stamp is wrong by tau shows the target v tau away from its path, along the path only. Over five
-// pictures a path is a cubic up to noise, so the divided difference that no cubic has is noise across the path, and
+// A picture whose stamp is wrong by tau shows the target v tau away from its path, along the path only. Over seven
+// pictures a path is a quintic up to noise, so the divided difference that no quintic has is noise across the path, and
 // along it noise and the difference of v tau. A fault hypothesis gives tau for every picture, and is named if it
 // explains the path so much better that chance does not. See design.md.
 #pragma once
