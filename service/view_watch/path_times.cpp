@@ -21,7 +21,7 @@ constexpr std::size_t most_seen = 160;                    // capacity: 5 s at 30
 constexpr double least_ratio = 0.125, largest_ratio = 3;  // capacity: of source pictures to those shown
 constexpr int phases = 12;                                // capacity: of a source picture
 constexpr double sigma_of_median = 1 / 0.6745;            // maths: of |x| of a standard normal x
-constexpr std::size_t points = 7;  // maths: one more than a quintic has coefficients
+constexpr std::size_t points = 7;                         // maths: one more than a quintic has coefficients
 
 using Sample = PathTimes::Sample;
 using Errors = std::vector<double>;  // seconds by which the stamps are late, per sample
