@@ -49,6 +49,7 @@ struct FilmTimesTuning {
   double slack = 0.02;      // of a rate by few pictures, or whose stamps vary
   // Of a rate by many pictures with even stamps: half as much again as 29.97 differs from 30.
   double even_slack = 0.0015;
+  double jitter_s = 1e-4;   // of a camera's clock, at least: steps that are more alike were counted, not measured
   double gap = 0.9;         // usual steps: a picture is missing
   std::size_t window = 16;  // pictures, in which a late stamp is made up for
   // Matroska and tables with three decimals round to the millisecond: steps between even times vary by as much.
@@ -87,6 +88,13 @@ bool do_vary(const std::vector<double>& steps_s) {
   const auto others =
       std::ranges::count_if(steps_s, [&](double s) { return std::abs(s - usual_s) > film_times.rounding_s; });
   return static_cast<double>(others) > film_times.varying * static_cast<double>(steps_s.size());
+}
+
+// Multiples of a period, with no gap.
+bool are_counted(const std::vector<double>& steps_s) {
+  if (steps_s.empty()) return true;
+  const auto [least, most] = std::ranges::minmax(steps_s);
+  return most - least < film_times.jitter_s;
 }
 
 double factor_between(double a, double b) {
@@ -292,6 +300,7 @@ TimesBesideFilm::TimesBesideFilm(const RecordedCamera& camera, capture::Duration
     : name_(camera.fps > 0 ? "fps" : camera.times_file.filename().string()),
       key_(camera.fps > 0 ? "fps" : "timestamps"),
       is_measured_(do_vary(listed_steps_s(camera))),
+      is_counted_(are_counted(listed_steps_s(camera))),
       stated_period_s_(camera.fps > 0 ? 1 / camera.fps : seconds_a_frame(camera)),
       film_period_s_(capture::seconds(film_period)) {}
 
@@ -335,7 +344,7 @@ void TimesBesideFilm::compare_lengths(const Seen& picture) {
   const auto contradicts = [](double a_s, double b_s, double rounding_s) {
     return std::abs(a_s - b_s) > film_times.even_slack * b_s + 2 * rounding_s;
   };
-  if (has_problem_ || film_steps_s_.size() < film_times.window) return;
+  if (has_problem_ || !is_counted_ || film_steps_s_.size() < film_times.window) return;
   if (!contradicts(stated_s, film_s, film_times.rounding_s) || do_vary(film_steps_s_)) return;
   if (film_period_s_ > 0 && stated_period_s_ > 0 && !contradicts(stated_period_s_, film_period_s_, 0)) return;
   const auto count = static_cast<double>(picture.index - first_->index);

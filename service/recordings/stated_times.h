@@ -98,6 +98,7 @@ class TimesBesideFilm {
   std::string name_;  // of the times: "fps", or the table
   std::string key_;
   bool is_measured_ = false;    // stated times vary
+  bool is_counted_ = false;     // they follow from a rate
   double stated_period_s_ = 0;  // 0: unknown
   double film_period_s_;
   std::optional<Seen> first_;

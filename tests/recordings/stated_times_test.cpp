@@ -238,6 +238,28 @@ TEST(TimesBesideFilm, SmallDifferencesOfRatesAddUp) {
   EXPECT_THAT(problems(29.7, 30, 0.002), IsEmpty()) << "measured: the header's rate is nominal";
 }
 
+// A camera's clock, whose rate is not exactly that of the film's header; and one that dropped frames.
+TEST(TimesBesideFilm, OfACamerasClockAreRightBesideAHeader) {
+  for (const int dropped_at : {60, 1000}) {
+    RecordedCamera camera;
+    camera.times_file = "t.csv";
+    for (int k = 0; k < 300; ++k)
+      camera.timestamps.emplace_back(k, at_s((k < dropped_at ? k : k + 5) / 29.9 + 1e-4 * ((k * 7) % 5)));
+    TimesBesideFilm times(camera, at_30_hz);
+    for (int k = 0; k < 300; ++k) times.see(k, camera.timestamps[std::size_t(k)].second, at_s(k / 30.));
+    EXPECT_THAT(times.take_problems(), IsEmpty());
+  }
+}
+
+TEST(TimesBesideFilm, OfATableThatWasCountedAtAnotherRateContradictIt) {
+  RecordedCamera camera;
+  camera.times_file = "t.csv";
+  for (int k = 0; k < 300; ++k) camera.timestamps.emplace_back(k, at_s(std::round(1e6 * k / 29.7) / 1e6));
+  TimesBesideFilm times(camera, at_30_hz);
+  for (int k = 0; k < 300; ++k) times.see(k, camera.timestamps[std::size_t(k)].second, at_s(k / 30.));
+  EXPECT_THAT(times.take_problems(), ElementsAre(HasSubstr("t.csv says 29.7, but the file itself 30")));
+}
+
 // A table of 97 pictures at 30 Hz, of which the camera dropped three after 40.
 RecordedCamera with_gap() {
   RecordedCamera camera;
