@@ -123,13 +123,17 @@ void StaticClutterMask::mark_clipped(std::vector<Sighting>& sightings) const {
 void StaticClutterMask::look(const std::vector<TargetView>& views, capture::Timestamp set_at) {
   if (views.empty()) return;
   for (const TargetView& view : views) follow_light(view, cameras_[std::size_t(view.index)]);
-  if (last_at_) return;
-  for (const TargetView& view : views) measure(view);  // one view decides for all
-  if (std::ranges::any_of(cameras_, &PerCamera::is_above)) {
-    for (const TargetView& view : views) find_what_may_be_objects(view, cameras_[std::size_t(view.index)]);
+  // Each view at its first set; one view decides for all.
+  const auto is_first = [&](const TargetView& view) { return cameras_[std::size_t(view.index)].sampled == 0; };
+  for (const TargetView& view : views)
+    if (is_first(view)) measure(view);
+  const bool is_shared = std::ranges::any_of(cameras_, &PerCamera::is_above);
+  for (const TargetView& view : views) {
+    PerCamera& camera = cameras_[std::size_t(view.index)];
+    if (is_first(view) && is_shared) find_what_may_be_objects(view, camera);
+    if (is_first(view) || (is_shared && !camera.is_learning)) sample(view, {});
   }
-  for (const TargetView& view : views) sample(view, {});
-  last_at_ = set_at;
+  if (!last_at_) last_at_ = set_at;
 }
 
 void StaticClutterMask::learn(const std::vector<TargetView>& views, std::span<const Sighting> tracked,
