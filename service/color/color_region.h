@@ -11,6 +11,13 @@
 
 namespace huetrack::color {
 
+// How much a disc stands out from what is around it (DiscFinder): natural logarithms of odds, beyond those at which one
+// disc of its size in the whole picture would be chance.
+struct DiscEvidence {
+  double odds = 0;  // >= 0
+  double most = 0;  // that a disc of its size can have; 0: not measured
+};
+
 struct ColorRegion {
   int area = 0;                // pixels
   Eigen::Vector2d centre;      // raw pixels, mean of the pixel centres
@@ -18,6 +25,7 @@ struct ColorRegion {
   PixelBox box{0, 0, -1, -1};  // of its pixels; of a region of several parts: of all of them
   // px^2, how badly the pixels fix the centre of the disc that they are of; 0: it is that of the pixels (DiscFinder)
   Eigen::Matrix2d of_disc = Eigen::Matrix2d::Zero();
+  DiscEvidence evidence = {};
 };
 
 // thread-compatible. Keeps its work space between frames.

@@ -63,6 +63,11 @@ void for_each_color(const ColorTable& table, capture::PixelFormat format, See se
   }
 }
 
+// As likely in one of the places of so many pixels as in none.
+double least_odds(double pixels, double radius_px) {
+  return std::log(std::max(std::numbers::e, pixels / (std::numbers::pi * radius_px * radius_px)));
+}
+
 }  // namespace
 
 // A pixel of the target that does not match is hidden, or outside of its range.
@@ -170,6 +175,12 @@ double DiscFinder::score(double u, double v, double radius_px) const {
          (square(1) / area - room_colors.around_weight * std::max(ring, -1.0));
 }
 
+double DiscFinder::most_score(double radius_px) {
+  const double area = std::numbers::pi * radius_px * radius_px;
+  return room_colors.independence * std::min(area, room_colors.independent_px) *
+         (room_colors.most + room_colors.around_weight);
+}
+
 // Local maxima over a grid of a third of the radius.
 void DiscFinder::find_peaks(double radius_px, double least) {
   const double step = std::max(1.0, radius_px / 3);
@@ -263,8 +274,7 @@ const std::vector<ColorRegion>& DiscFinder::find(MatchBits& view, PixelBox box, 
   for (double radius = std::max(1.0, smallest_px); radius < scale_step * std::max(1.0, largest_px);
        radius *= scale_step) {
     const double r = std::min(radius, std::max(1.0, largest_px));
-    // As likely in one of the places of the box as in none.
-    find_peaks(r, std::log(std::max(std::numbers::e, double(width_) * height_ / (std::numbers::pi * r * r))));
+    find_peaks(r, least_odds(double(width_) * height_, r));
   }
   std::ranges::stable_sort(peaks_, [](const Peak& a, const Peak& b) { return a.score > b.score; });
   std::size_t kept = 0;
@@ -276,8 +286,12 @@ const std::vector<ColorRegion>& DiscFinder::find(MatchBits& view, PixelBox box, 
     if (is_new) peaks_[kept++] = peak;
   }
   peaks_.resize(kept);
-  for (const Peak& peak : peaks_)
-    if (ColorRegion region = measured(peak.disc); region.area > 0) regions_.push_back(region);
+  for (const Peak& peak : peaks_) {
+    ColorRegion region = measured(peak.disc);
+    const double chance = least_odds(double(view.width()) * view.height(), peak.disc.radius_px);
+    region.evidence = {std::max(0.0, peak.score - chance), std::max(0.0, most_score(peak.disc.radius_px) - chance)};
+    if (region.area > 0) regions_.push_back(region);
+  }
   return regions_;
 }
 

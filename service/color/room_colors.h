@@ -68,6 +68,7 @@ class DiscFinder {
   void weigh(MatchBits& view, const PixelBox& box);
   double sum(double u0, double v0, double u1, double v1) const;  // of evidence_, relative to the box
   double score(double u, double v, double radius_px) const;
+  static double most_score(double radius_px);
   void find_peaks(double radius_px, double least);
   double of_disc(const Disc& disc) const;  // logarithm of its likelihood, up to a constant
   ColorRegion measured(Disc disc) const;

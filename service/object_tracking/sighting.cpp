@@ -260,6 +260,7 @@ Sighting sighting_of(const TargetView& view, const color::ColorRegion& region, d
     misfit_px2 += excess_px * excess_px / 2;
   }
   s.covariance = axes.eigenvectors() * variance.asDiagonal() * axes.eigenvectors().transpose() + region.of_disc;
+  s.evidence = region.evidence;
   s.support = std::min(1.0, region.area / (std::numbers::pi * radius_px * radius_px));
   // A region longer than wide, smear subtracted, is partly occluded.
   const double length_px = 2 * std::sqrt(std::max(0.0, axes.eigenvalues()(1))) -

@@ -54,6 +54,7 @@ struct Sighting {
   Eigen::Matrix2d covariance;                         // px^2, independent in every frame
   double bias_sigma_px = 0;                           // 1 sigma of the bias that stays while the object rests
   double hidden_px = 0;                               // of it, by what hides a part of a disc (DiscFinder)
+  color::DiscEvidence evidence = {};                  // ColorRegion::evidence
   double support = 0;                                 // 0..1, share of the expected disc that has the target's colour
   double radius_px = 0;                               // of the disc of the region's area
   std::optional<MeasuredSize> size;                   // read with one camera only; nullopt: not measured
@@ -61,7 +62,7 @@ struct Sighting {
   Eigen::Matrix2d of_pose = Eigen::Matrix2d::Zero();  // px^2, bias by CameraTrust::pose_covariance
   double inflation_px2 = 0;                           // px^2, bias by inconsistency with other views
   double missing = 0;                                 // hidden share of the usual area; measured for one object only
-  bool is_cut = false;      // masked static clutter may hide a part of it: excluded from consistency tests
+  bool is_cut = false;      // clutter may hide a part of it, or be it: excluded from consistency tests
   bool is_outline = false;  // measured by its outline, not by its region's centroid
 
   Eigen::Matrix2d inflation() const { return of_pose + inflation_px2 * Eigen::Matrix2d::Identity(); }

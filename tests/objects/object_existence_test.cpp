@@ -60,7 +60,7 @@ TEST(ClutterMap, DensityIsHighWhereRegionsAreUnassociated) {
   std::vector<TargetView> views(1);
   views[0].index = 1;
   std::vector<std::vector<color::ColorRegion>> regions(1);
-  const double before = room.clutter.density(1, {100, 60});
+  const double before = room.clutter.density(1, {100, 60}, 8);
   color::ColorRegion flickering;
   flickering.centre = {100, 60};
   for (int set = 0; set < 60; ++set) {
@@ -68,9 +68,9 @@ TEST(ClutterMap, DensityIsHighWhereRegionsAreUnassociated) {
     if (set % 3 == 0) regions[0].push_back(flickering);
     room.clutter.add(views, regions);
   }
-  EXPECT_GT(room.clutter.density(1, {100, 60}), 4 * room.clutter.density(1, {200, 200}));
-  EXPECT_LT(room.clutter.density(1, {200, 200}), before);  // fewer than at first
-  EXPECT_EQ(room.clutter.density(0, {100, 60}), before);   // of another camera: unchanged
+  EXPECT_GT(room.clutter.density(1, {100, 60}, 8), 4 * room.clutter.density(1, {200, 200}, 8));
+  EXPECT_LT(room.clutter.density(1, {200, 200}, 8), before);  // fewer than at first
+  EXPECT_EQ(room.clutter.density(0, {100, 60}, 8), before);   // of another camera: unchanged
 }
 
 // Regions become clutter with the next set, if no object has claimed them by then.
@@ -80,7 +80,7 @@ TEST(ClutterMap, AnObjectsRegionsAreNotClutter) {
   std::vector<std::vector<color::ColorRegion>> regions(1);
   regions[0].resize(1);
   regions[0][0].centre = {100, 60};
-  const double before = room.clutter.density(0, {100, 60});
+  const double before = room.clutter.density(0, {100, 60}, 8);
   Sighting sighting;
   sighting.px = {102, 60}, sighting.radius_px = 8;
   for (int set = 0; set < 5; ++set) {
@@ -88,8 +88,43 @@ TEST(ClutterMap, AnObjectsRegionsAreNotClutter) {
     of_object.clutter.add(views, regions);
     of_object.clutter.claim({&sighting, 1});
   }
-  EXPECT_GT(room.clutter.density(0, {100, 60}), 100 * before);
-  EXPECT_LE(of_object.clutter.density(0, {100, 60}), before);
+  EXPECT_GT(room.clutter.density(0, {100, 60}, 8), 100 * before);
+  EXPECT_LE(of_object.clutter.density(0, {100, 60}, 8), before);
+}
+
+// A candidate that is as likely as not leaves half of its regions to clutter.
+TEST(ClutterMap, ARegionIsClutterAsFarAsItIsNoObject) {
+  std::vector<TargetView> views(1);
+  std::vector<std::vector<color::ColorRegion>> regions(1, std::vector<color::ColorRegion>(1));
+  regions[0][0].centre = {100, 60};
+  Sighting sighting;
+  sighting.px = {102, 60}, sighting.radius_px = 8;
+  const auto density_claimed = [&](double probability) {
+    Room room(0);
+    for (int set = 0; set < 5; ++set) {
+      room.clutter.add(views, regions);
+      room.clutter.claim({&sighting, 1}, probability);
+    }
+    return room.clutter.density(0, {100, 60}, 8);
+  };
+  EXPECT_NEAR(density_claimed(0.5), 0.5 * density_claimed(0), 0.01 * density_claimed(0));
+}
+
+TEST(ClutterMap, WhatStandsOutMoreThanTheClutterIsTheTargets) {
+  Room room(0);
+  EXPECT_EQ(room.clutter.log_ratio(0, {}), 0);
+  std::vector<TargetView> views(1);
+  std::vector<std::vector<color::ColorRegion>> regions(1);
+  for (int i = 0; i < 20; ++i) {
+    color::ColorRegion& region = regions[0].emplace_back();
+    region.centre = {5, 5};
+    region.evidence = {.odds = double(i % 10), .most = 100};
+  }
+  room.clutter.look(views, regions);
+  EXPECT_LT(room.clutter.log_ratio(0, {.odds = 5, .most = 100}), -1);
+  EXPECT_GT(room.clutter.log_ratio(0, {.odds = 60, .most = 100}), 3);
+  EXPECT_LT(room.clutter.log_ratio(0, {}), -0.5);                      // does not stand out at all
+  EXPECT_GT(room.clutter.log_ratio(1, {.odds = 60, .most = 100}), 0);  // nothing is known of this view's clutter
 }
 
 TEST(ObjectExistence, IsConfirmedByThreeConsistentViewsTwice) {
@@ -115,10 +150,10 @@ TEST(ObjectExistence, SightingsFarFromThePredictionAreClutter) {
   state.begin({}, {0.02, 0, 1}, 1e-5, {0.6, 0, 0}, 0.1);
   existence.update({}, state, 1.0, room.sightings({0.02, 0, 1}), {}, radius_m, room.clutter, room.still);
   EXPECT_TRUE(existence.is_sure());
-  EXPECT_FALSE(existence.is_chance());
+  EXPECT_FALSE(existence.is_chance(0));
   existence.update({}, state, 1.0, room.sightings({0.02, 0, 1}, 40), {}, radius_m, room.clutter, room.still);
   EXPECT_FALSE(existence.is_sure());
-  EXPECT_TRUE(existence.is_chance());
+  EXPECT_TRUE(existence.is_chance(0) && existence.is_chance(1) && existence.is_chance(2));
   EXPECT_FALSE(existence.is_refuted());  // confirmed before
 }
 
@@ -186,8 +221,43 @@ TEST(ObjectExistence, ASightingOffByLessThanTheRadiusIsNoClutter) {
   sightings[0].covariance *= 0.01;
   ObjectExistence existence = room.begun(room.birth({0, 0, 1}, {0.02, 0, 1}));
   existence.update({}, state, 0.01, sightings, {}, radius_m, room.clutter, room.still);
-  EXPECT_FALSE(existence.is_chance());
+  EXPECT_FALSE(existence.is_chance(0));
   EXPECT_TRUE(existence.is_sure());
+}
+
+// Clutter explains the find: what moves in one view only may be a chance pair of a moving and a still thing.
+TEST(ObjectExistence, AnUnlikelyFindMustMoveInTwoViews) {
+  const Room room(2000);
+  Birth birth = room.birth({0, 0, 1}, {0, 0, 1});
+  birth.earlier.sightings.pop_back(), birth.now.sightings.pop_back();
+  const auto is_sure_after = [&](const Eigen::Vector3d& way) {
+    ObjectExistence existence = room.begun(birth);
+    EXPECT_LT(existence.log_odds(), 0);
+    for (int set = 0; set < 12; ++set) {
+      const Eigen::Vector3d at = way * (set + 1) / 12 + Eigen::Vector3d(0, 0, 1);
+      MotionState state(room.scene.rig, false);
+      state.begin({}, at, 1e-6, {0, 0, 0}, 1e-6);
+      auto sightings = room.sightings(at);
+      sightings.pop_back();
+      existence.update({}, state, 0.01, sightings, {}, radius_m, room.clutter, room.still);
+    }
+    EXPECT_GT(existence.log_odds(), 11.5);
+    return existence.is_sure();
+  };
+  const Eigen::Vector3d along = (Eigen::Vector3d(0, 0, 1) - room.scene.rig.cameras[1].centre()).normalized();
+  EXPECT_TRUE(is_sure_after(0.2 * along.unitOrthogonal() + 0.1 * along));
+  EXPECT_FALSE(is_sure_after(0.2 * along));
+  EXPECT_FALSE(is_sure_after({0.01, 0.01, 0}));
+}
+
+TEST(ObjectExistence, AnotherPlaceOfTheOneObjectIsEvidenceAgainstIt) {
+  const Room room;
+  ObjectExistence existence = room.begun(room.birth({0, 0, 1}, {0.02, 0, 1}));
+  ASSERT_TRUE(existence.is_sure());
+  const double before = existence.log_odds();
+  existence.compete(40);
+  EXPECT_DOUBLE_EQ(existence.log_odds(), before - 40);
+  EXPECT_FALSE(existence.is_sure());
 }
 
 }  // namespace

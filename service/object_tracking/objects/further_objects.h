@@ -35,7 +35,7 @@ class FurtherObject {
 class FurtherObjectWatch {
  public:
   FurtherObjectWatch(const object_tracking::TargetOptions& target, const object_tracking::ObjectTrackerOptions& options)
-      : target_(target), options_(options), births_(target, options, options.volume) {}
+      : target_(target), options_(options), births_(of_several(target), options, options.volume) {}
 
   // The target was tracked in this set by these sightings.
   void look(const std::vector<object_tracking::TargetView>& views, std::span<const object_tracking::Sighting> sightings,
@@ -46,6 +46,10 @@ class FurtherObjectWatch {
   const std::optional<Eigen::Vector3d>& published() const { return further_.published(); }
 
  private:
+  static object_tracking::TargetOptions of_several(object_tracking::TargetOptions target) {
+    target.count = object_tracking::TargetOptions::most_count;
+    return target;
+  }
   void find_others(const std::vector<object_tracking::TargetView>& views, const object_tracking::MotionState& state,
                    ObjectSearch& search);
 

@@ -87,9 +87,12 @@ ObjectBirths::Candidate ObjectBirths::weighed(PositionCandidate at, const std::v
     if (seen != out.at.sightings.end()) {
       const double size = std::log(seen->radius_px / in_view->radius_px) / sighting_tuning.region_size_sigma;
       const double reach_px = nth == 1 ? views[v].image->width : in_view->radius_px;
+      const auto camera = std::size_t(views[v].index);
       if (nth++ > 0)
-        out.evidence += std::log(detection.probability / (2 * in_view->radius_px * reach_px *
-                                                          clutter.density(std::size_t(views[v].index), seen->px)));
+        out.evidence += std::log(detection.probability /
+                                 (2 * in_view->radius_px * reach_px *
+                                  (clutter.density(camera, seen->px, in_view->radius_px) + clutter.unjudged(camera))));
+      out.evidence += clutter.log_ratio(camera, seen->evidence);
       out.evidence -= std::min(birth_tuning.max_size_cost, 0.5 * size * size);
       continue;
     }
@@ -108,7 +111,8 @@ ObjectBirths::Candidate ObjectBirths::weighed(PositionCandidate at, const std::v
   return out;
 }
 
-// Best first, without candidates whose regions belong to better ones.
+// Best first, without candidates whose regions belong to better ones; among clutter at most one is
+// the object.
 std::vector<ObjectBirths::Candidate> ObjectBirths::candidates(const std::vector<TargetView>& views,
                                                               std::span<const std::vector<color::ColorRegion>> regions,
                                                               std::span<const CoveredDisc> covered,
@@ -119,15 +123,17 @@ std::vector<ObjectBirths::Candidate> ObjectBirths::candidates(const std::vector<
        cross_rays(views, regions, target_, options_, times, sighting_tuning.max_crossings * TargetOptions::most_count))
     all.push_back(weighed(std::move(c), views, regions, covered, clutter, still));
   std::ranges::stable_sort(all, [](const Candidate& a, const Candidate& b) { return a.evidence > b.evidence; });
+  const bool is_only_one = target_.count == 1 && still.is_room_shared();
   std::vector<Candidate> out;
   for (Candidate& c : all) {
     bool is_left_out = false;
     for (Candidate& better : out) {
-      if (!share_a_region(better.at, c.at) &&
-          (better.at.position - c.at.position).norm() >= sighting_tuning.same_object_radii * target_.radius_m)
+      const double apart_m = (better.at.position - c.at.position).norm();
+      if (!is_only_one && !share_a_region(better.at, c.at) &&
+          apart_m >= sighting_tuning.same_object_radii * target_.radius_m)
         continue;
       const bool is_as_good = better.evidence - c.evidence < -llr_missed();  // less than one view counts
-      if (is_as_good && (better.at.position - c.at.position).norm() > target_.radius_m)
+      if (is_as_good && apart_m > target_.radius_m)
         better.is_ambiguous = c.is_ambiguous = true;
       else
         is_left_out = true;
@@ -143,11 +149,13 @@ std::vector<Birth> ObjectBirths::look(const std::vector<TargetView>& views,
                                       const StaticClutterMask& still, capture::Timestamp set_at,
                                       const MotionState& times) {
   std::vector<Birth> out;
+  now_.clear();
   const auto with_regions = std::ranges::count_if(regions, [](const auto& some) { return !some.empty(); });
   if (with_regions < std::min<std::ptrdiff_t>(2, std::ssize(views)))
     return out;  // no evidence against the candidates either
   std::vector<Candidate> now = candidates(views, regions, covered, clutter, still, times);
   const double dt = capture::seconds(set_at - before_at_);
+  now_ = now;
   std::vector<Candidate> kept;
   for (Candidate& c : now) {
     const double travel_m = options_.start_speed_m_s * dt;
@@ -169,6 +177,23 @@ std::vector<Birth> ObjectBirths::look(const std::vector<TargetView>& views,
   before_ = std::move(kept);
   before_at_ = set_at;
   return out;
+}
+
+double ObjectBirths::best_evidence_besides(const Eigen::Vector3d& position) const {
+  double best = 0;
+  for (const Candidate& c : now_)
+    if ((c.at.position - position).norm() > sighting_tuning.extent_radii * target_.radius_m)
+      best = std::max(best, c.evidence);
+  return best;
+}
+
+// Of one object at most one is right.
+void ObjectBirths::claim(ClutterMap& clutter) const {
+  double all = 1;
+  if (target_.count == 1)
+    for (const Candidate& c : now_) all += std::exp(c.evidence);
+  for (const Candidate& c : now_)
+    clutter.claim(c.at.sightings, target_.count == 1 ? std::exp(c.evidence) / all : 1 / (1 + std::exp(-c.evidence)));
 }
 
 }  // namespace huetrack::objects

@@ -16,11 +16,6 @@
 
 namespace huetrack::objects {
 
-struct DetectionTuning {
-  double probability = 0.9;  // P_D: a view detects an object that should be visible; else something unknown hides it
-};
-inline constexpr DetectionTuning detection{};
-
 struct Birth {
   object_tracking::PositionCandidate earlier, now;
   double dt;            // from one to the other, seconds
@@ -57,6 +52,11 @@ class ObjectBirths {
                           const StaticClutterMask& still, capture::Timestamp set_at,
                           const object_tracking::MotionState& times);
   void forget() { before_.clear(); }
+  // The regions of the last set's candidates are clutter only as far as these are not objects.
+  void claim(ClutterMap& clutter) const;
+  // Natural logarithm of the odds that the likeliest candidate of the last set that is elsewhere is the object, by that
+  // set; 0: none.
+  double best_evidence_besides(const Eigen::Vector3d& position) const;
 
  private:
   struct Candidate {
@@ -75,6 +75,7 @@ class ObjectBirths {
   object_tracking::TargetOptions target_;
   object_tracking::ObjectTrackerOptions options_;  // with the volume that is searched
   std::vector<Candidate> before_;
+  std::vector<Candidate> now_;  // of the last set
   capture::Timestamp before_at_{};
 };
 

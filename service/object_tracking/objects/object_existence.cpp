@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <optional>
+#include <utility>
 
 namespace huetrack::objects {
 
@@ -33,45 +35,93 @@ double log_density(const Eigen::Vector2d& d, const Eigen::Matrix2d& covariance, 
                   std::numeric_limits<double>::min());
 }
 
-struct Evidence {
-  double of_seen = 0, of_missing = 0;  // logarithms of odds
-  double all() const { return of_seen + of_missing; }
+// What a sighting says of the object's place, and how it moves that.
+struct SeenAs {
+  double log_odds;  // of the object over clutter
+  Eigen::Vector3d step;
+  Eigen::Matrix3d covariance;
 };
 
-// Sequential: each sighting updates the prediction of the next. times: the cameras' timing.
+std::optional<SeenAs> seen_as(const ExpectedPlace& expected, const Sighting& s, double radius_m,
+                              const MotionState& times, const ClutterMap& clutter) {
+  const double dt = capture::seconds(s.row.at - expected.at);
+  const double late_s = times.row_sigma_s(s.row.camera, s.row.below_middle);
+  const auto in_view = project_ball(*s.camera, expected.position + dt * expected.velocity, radius_m);
+  if (!in_view) return std::nullopt;
+  Eigen::Matrix2d of_sighting = s.covariance + s.inflation();
+  of_sighting.diagonal().array() += s.bias_sigma_px * s.bias_sigma_px;
+  const Eigen::Matrix<double, 2, 3>& by = in_view->jacobian;
+  of_sighting += by *
+                 ((dt * dt + late_s * late_s) * expected.velocity_covariance +
+                  late_s * late_s * expected.velocity * expected.velocity.transpose()) *
+                 by.transpose();
+  const Eigen::Matrix2d spread = by * expected.covariance * by.transpose() + of_sighting;
+  const Eigen::Vector2d d = s.px - in_view->px;
+  const Eigen::Matrix<double, 3, 2> gain = expected.covariance * by.transpose() * spread.inverse();
+  return SeenAs{std::log(detection.probability / clutter.density(std::size_t(s.row.camera), s.px, in_view->radius_px)) +
+                    clutter.log_ratio(std::size_t(s.row.camera), s.evidence) +
+                    log_density(d, spread, in_view->radius_px),
+                gain * d, expected.covariance - gain * by * expected.covariance};
+}
+
+struct Evidence {
+  double log_odds = 0;
+  std::vector<int> chance = {};  // cameras
+};
+
+// Sequential: each sighting updates the prediction of the next, the likeliest first. One that clutter explains better
+// is not the object's. times: the cameras' timing.
 Evidence evidence_of(ExpectedPlace expected, std::span<const Sighting> sightings, const std::vector<TargetView>& views,
                      double radius_m, const MotionState& times, const ClutterMap& clutter,
-                     const StaticClutterMask& still) {
+                     const StaticClutterMask& still, bool may_be_chance) {
   Evidence evidence;
-  for (const Sighting& s : sightings) {
-    const double dt = capture::seconds(s.row.at - expected.at);
-    const double late_s = times.row_sigma_s(s.row.camera, s.row.below_middle);
-    const auto in_view = project_ball(*s.camera, expected.position + dt * expected.velocity, radius_m);
-    if (!in_view) continue;
-    Eigen::Matrix2d of_sighting = s.covariance + s.inflation();
-    of_sighting.diagonal().array() += s.bias_sigma_px * s.bias_sigma_px;
-    const Eigen::Matrix<double, 2, 3>& by = in_view->jacobian;
-    of_sighting += by *
-                   ((dt * dt + late_s * late_s) * expected.velocity_covariance +
-                    late_s * late_s * expected.velocity * expected.velocity.transpose()) *
-                   by.transpose();
-    const Eigen::Matrix2d spread = by * expected.covariance * by.transpose() + of_sighting;
-    const Eigen::Vector2d d = s.px - in_view->px;
-    evidence.of_seen += std::log(detection.probability / clutter.density(std::size_t(s.row.camera), s.px)) +
-                        log_density(d, spread, in_view->radius_px);
-    const Eigen::Matrix<double, 3, 2> gain = expected.covariance * by.transpose() * spread.inverse();
-    expected.position += gain * d;
-    expected.covariance = ((Eigen::Matrix3d::Identity() - gain * by) * expected.covariance).eval();
+  std::vector<const Sighting*> open;
+  for (const Sighting& s : sightings) open.push_back(&s);
+  double of_seen = 0;
+  while (!open.empty()) {
+    std::optional<SeenAs> likeliest;
+    std::size_t which = 0;
+    for (std::size_t i = 0; i < open.size(); ++i) {
+      const auto seen = seen_as(expected, *open[i], radius_m, times, clutter);
+      if (seen && (!likeliest || seen->log_odds > likeliest->log_odds)) likeliest = seen, which = i;
+    }
+    if (!likeliest) break;
+    if (may_be_chance && likeliest->log_odds < 0 && may_be_clutter(*open[which], clutter, still)) {
+      evidence.chance.push_back(open[which]->row.camera);
+    } else {
+      of_seen += likeliest->log_odds;
+      expected.position += likeliest->step;
+      expected.covariance = likeliest->covariance;
+    }
+    open.erase(open.begin() + std::ptrdiff_t(which));
   }
+  evidence.log_odds = of_seen;
+  if (may_be_chance && of_seen < 0)
+    for (const Sighting& s : sightings) evidence.chance.push_back(s.row.camera);
   for (const TargetView& view : views) {
     const bool is_seen = std::ranges::any_of(sightings, [&](const Sighting& s) { return s.row.camera == view.index; });
-    if (is_seen) continue;
+    if (is_seen && (of_seen < 0 || !std::ranges::count(evidence.chance, view.index))) continue;
     const auto in_view = project_ball(*view.camera, expected.position, radius_m);
     if (!in_view || !view.camera->contains({in_view->px})) continue;
     if (still.may_clip(std::size_t(view.index), in_view->px, in_view->radius_px)) continue;
-    evidence.of_missing += std::log(1 - detection.probability);
+    evidence.log_odds += std::log(1 - detection.probability);
   }
   return evidence;
+}
+
+// At the first sighting's row.
+ExpectedPlace place_of(const MotionState& state, double power_density, std::span<const Sighting> sightings) {
+  ExpectedPlace at{.position = state.position(),
+                   .covariance = state.position_covariance(),
+                   .at = state.at,
+                   .velocity = state.velocity(),
+                   .velocity_covariance = state.velocity_covariance()};
+  if (!sightings.empty()) {
+    at.at = sightings.front().row.at;
+    at.position = state.position_at(at.at);
+    at.covariance = state.seen_covariance(sightings.front().row, power_density);
+  }
+  return at;
 }
 
 }  // namespace
@@ -90,37 +140,58 @@ void ObjectExistence::begin(capture::Timestamp set_at, const Birth& birth, const
                            .covariance = birth.earlier.covariance + travel_m * travel_m * Eigen::Matrix3d::Identity(),
                            .at = birth.now.sightings.front().row.at,
                            .velocity_covariance = of_velocity};
-  of_set_ = evidence_of(near, birth.now.sightings, views, radius_m, times, clutter, still).all();
-  is_chance_ = false;
-  evidence_ = std::min(max_log_odds(),
-                       birth.of_shape + of_set_ +
-                           evidence_of(anywhere, birth.earlier.sightings, {}, radius_m, times, clutter, still).all());
+  of_set_ = evidence_of(near, birth.now.sightings, views, radius_m, times, clutter, still, false).log_odds;
+  chance_.clear();
+  evidence_ =
+      std::min(max_log_odds(),
+               birth.of_shape + of_set_ +
+                   evidence_of(anywhere, birth.earlier.sightings, {}, radius_m, times, clutter, still, false).log_odds);
   at_first_ = std::min(0.0, evidence_);
   has_moved_ = at_first_ >= 0, is_overdue_ = false;
-  found_at_ = birth.now.position, found_when_ = set_at;
+  found_when_ = set_at;
+  first_.clear();
+  for (const Sighting& s : birth.now.sightings) first_.push_back({s.row.camera, s.px});
   has_been_sure_ = has_been_sure_ || is_sure();
 }
 
 void ObjectExistence::update(capture::Timestamp set_at, const MotionState& state, double power_density,
                              std::span<const Sighting> sightings, const std::vector<TargetView>& views, double radius_m,
                              const ClutterMap& clutter, const StaticClutterMask& still) {
-  ExpectedPlace at{.position = state.position(),
-                   .covariance = state.position_covariance(),
-                   .at = state.at,
-                   .velocity = state.velocity(),
-                   .velocity_covariance = state.velocity_covariance()};
-  if (!sightings.empty()) {
-    at.at = sightings.front().row.at;
-    at.position = state.position_at(at.at);
-    at.covariance = state.seen_covariance(sightings.front().row, power_density);
+  const ExpectedPlace at = place_of(state, power_density, sightings);
+  int moved = 0;  // views
+  for (const Sighting& s : sightings) {
+    const auto first = std::ranges::find(first_, s.row.camera, &FirstSeen::camera);
+    const auto in_view = project_ball(*s.camera, at.position, radius_m);
+    if (first == first_.end())
+      first_.push_back({s.row.camera, s.px});
+    else if (in_view && (s.px - first->px).norm() > in_view->radius_px)
+      ++moved;
   }
-  has_moved_ = has_moved_ || (at.position - found_at_).norm() > 2 * radius_m;
+  has_moved_ = has_moved_ || moved >= std::min(2, int(first_.size()));
   is_overdue_ = !has_moved_ && capture::seconds(set_at - found_when_) > sighting_tuning.confirmation_s;
-  const Evidence evidence = evidence_of(at, sightings, views, radius_m, state, clutter, still);
-  of_set_ = evidence.all(), is_chance_ = evidence.of_seen < 0;
+  Evidence evidence = evidence_of(at, sightings, views, radius_m, state, clutter, still, true);
+  of_set_ = evidence.log_odds, chance_ = std::move(evidence.chance);
   evidence_ = std::min(max_log_odds(), evidence_ + of_set_);
   has_been_sure_ = has_been_sure_ || is_sure();
   if (has_been_sure_) evidence_ = std::max(0.0, evidence_);
+}
+
+bool may_be_clutter(const Sighting& s, const ClutterMap& clutter, const StaticClutterMask& still) {
+  const auto camera = std::size_t(s.row.camera);
+  if (!still.is_room_shared()) return false;
+  return std::log(detection.probability / clutter.expected(camera)) + clutter.log_ratio(camera, s.evidence) < 0;
+}
+
+void ObjectExistence::leave_out_chance(const MotionState& state, double power_density,
+                                       const std::vector<TargetView>& views, double radius_m, const ClutterMap& clutter,
+                                       const StaticClutterMask& still, std::vector<Sighting>& sightings) const {
+  const ExpectedPlace at = place_of(state, power_density, sightings);
+  const std::vector<int> chance = evidence_of(at, sightings, views, radius_m, state, clutter, still, true).chance;
+  std::erase_if(sightings, [&](Sighting& s) {
+    const bool may_be = may_be_clutter(s, clutter, still);
+    if (may_be && !is_sure()) s.is_cut = true;
+    return may_be && std::ranges::count(chance, s.row.camera) > 0;
+  });
 }
 
 bool ObjectExistence::is_sure() const {

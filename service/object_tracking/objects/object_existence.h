@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <span>
 #include <vector>
 
@@ -36,10 +37,18 @@ class ObjectExistence {
               std::span<const object_tracking::Sighting> sightings,
               const std::vector<object_tracking::TargetView>& views, double radius_m, const ClutterMap& clutter,
               const StaticClutterMask& still);
+  // Before the views are compared, in a room that shares the colour: takes out the sightings that are clutter's rather
+  // than the object's. Those of an object that is not confirmed are no evidence against a camera (Sighting::is_cut).
+  void leave_out_chance(const object_tracking::MotionState& state, double power_density,
+                        const std::vector<object_tracking::TargetView>& views, double radius_m,
+                        const ClutterMap& clutter, const StaticClutterMask& still,
+                        std::vector<object_tracking::Sighting>& sightings) const;
+  // After update(): the set shows another place of the one object, with these log-odds, >= 0.
+  void compete(double log_odds) { evidence_ -= log_odds, of_set_ -= log_odds; }
   // Confirmed, and supported by this set.
   bool is_sure() const;
-  // Clutter explains the last set's sightings better: they are no measurement of this object.
-  bool is_chance() const { return is_chance_; }
+  // Clutter explains the camera's sighting of the last set better: it is no measurement of this object.
+  bool is_chance(int camera) const { return std::ranges::count(chance_, camera) > 0; }
   double log_odds() const { return evidence_; }
   // Never confirmed, and less likely than when it was found, or at rest for too long. A confirmed one coasts instead.
   bool is_refuted() const;
@@ -47,13 +56,22 @@ class ObjectExistence {
  private:
   double evidence_ = 0;  // log-odds
   double at_first_ = 0;  // when it was found; < 0: clutter was likelier, and only a moving object can be confirmed
-  Eigen::Vector3d found_at_ = Eigen::Vector3d::Zero();
+  struct FirstSeen {
+    int camera;
+    Eigen::Vector2d px;
+  };
+  std::vector<FirstSeen> first_ = {};  // per camera, since it was found
   capture::Timestamp found_when_{};
-  bool has_moved_ = true;  // by its diameter
+  bool has_moved_ = true;  // by its radius, in two views
   bool is_overdue_ = false;
   double of_set_ = 0;
-  bool is_chance_ = false;
+  std::vector<int> chance_ = {};  // is_chance()
   bool has_been_sure_ = false;
 };
+
+// In a room that shares the colour: something else in this picture looks as the sighting does. Far from the prediction
+// it is that rather than the object, seen by a camera that was moved.
+bool may_be_clutter(const object_tracking::Sighting& sighting, const ClutterMap& clutter,
+                    const StaticClutterMask& still);
 
 }  // namespace huetrack::objects

@@ -126,8 +126,11 @@ void RegionTracker::measure(const std::vector<TargetView>& views, SightingsOf si
 void RegionTracker::compare_views(const std::vector<TargetView>& views, capture::Timestamp set_at) {
   if (is_alone()) {
     for (const auto& object : objects_)
-      if (is_live(object))
+      if (is_live(object)) {
+        object->existence.leave_out_chance(object->filter.motion(), object->filter.power_density(), views,
+                                           target_.radius_m, clutter_, clutter_mask_, object->sightings);
         consistency_.compare(views, set_at, object->filter.motion(), object->sightings, object->watched, seen_regions_);
+      }
     return;
   }
   lead_ = lead();
@@ -168,9 +171,13 @@ void RegionTracker::follow(TrackedObject& object, const capture::FrameSet& set, 
   object.seen.insert(object.seen.end(), object.watched.begin(), object.watched.end());
   object.existence.update(set.at, object.filter.motion(), power_density, object.sightings, views, target_.radius_m,
                           clutter_, clutter_mask_);
-  if (object.existence.is_chance()) {  // clutter would lead the track away
-    object.sightings.clear();
+  const auto chance = std::erase_if(object.sightings, [&](const Sighting& s) {
+    return object.existence.is_chance(s.row.camera);  // clutter would lead the track away
+  });
+  if (chance > 0) {
     object.filter.set_acceleration(acceleration_before);
+    object.filter.raise_acceleration(object.sightings);
+    object.filter.settle_acceleration(object.sightings);
     power_density = object.filter.power_density();
   }
   object.filter.update(object.sightings, set.at, object.last_published, power_density);
@@ -253,14 +260,22 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
   // A set of cameras of different rates neither confirms nor refutes.
   if (views.size() < std::min<std::size_t>(2, views_.camera_count())) return;
   if (is_alone()) {
-    if (std::ranges::any_of(objects_, is_tracked)) return;
+    const auto tracked = std::ranges::find_if(objects_, is_tracked);
+    if (tracked != objects_.end() && !clutter_mask_.is_room_shared()) return;
     search_.look(views);
     for (std::size_t i = 0; i < views.size(); ++i)
       if (!seen_regions_.has(views[i].index)) seen_regions_.add_others(views[i], search_.regions()[i]);
     if (std::ranges::all_of(objects_, [](const auto& object) { return object->sightings.empty(); }))
       consistency_.compare_moving(views, search_.regions(), search_.usual_radii_px(views), set.at, times());
   }
-  for (const Birth& birth : births(set, views)) begin_track(birth, views, set.at);
+  const std::vector<Birth> found = births(set, views);
+  if (is_alone()) {
+    for (const auto& object : objects_) {
+      object->existence.compete(births_.best_evidence_besides(object->filter.motion().position()));
+      if (is_tracked(object) && !object->existence.is_sure()) object->state = TrackState::coasting;
+    }
+  }
+  for (const Birth& birth : found) begin_track(birth, views, set.at);
   if (std::ranges::any_of(objects_, is_live))
     search_log_.clear();
   else
@@ -273,12 +288,14 @@ std::vector<Birth> RegionTracker::births(const capture::FrameSet& set, const std
   std::vector<CoveredDisc> covered;
   for (const auto& object : objects_)
     add_covered(views, object->sightings, object->filter.motion().position(), target_.radius_m, covered);
+  clutter_.look(views, regions);
   std::vector<Birth> out = births_.look(views, regions, covered, clutter_, clutter_mask_, set.at, times());
   if (is_alone())
     std::erase_if(out,
                   [&](const Birth& birth) { return !inside(options_.volume, birth.now.position, target_.radius_m); });
   for (const Birth& birth : out) clutter_.claim(birth.earlier.sightings);
   clutter_.add(views, regions);
+  births_.claim(clutter_);
   for (const Birth& birth : out) clutter_.claim(birth.now.sightings);
   for (const auto& object : objects_) clutter_.claim(object->sightings);
   return out;
@@ -355,6 +372,7 @@ void RegionTracker::start(TrackedObject& object, Birth birth, const std::vector<
   };
   const ObjectFilter before = object.filter;
   start_filter();
+  for (Sighting& s : object.sightings) s.is_cut = s.is_cut || may_be_clutter(s, clutter_, clutter_mask_);
   if (lead_ == nullptr) consistency_.compare_found(object.filter.motion(), object.sightings);
   if (std::ranges::any_of(object.sightings, [](const Sighting& s) { return s.inflation_px2 > 0; })) {
     object.filter = before;
