@@ -6,11 +6,13 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "calib/model/index.h"
 #include "calib/model/median.h"
 #include "calib/model/usual_lens.h"
 #include "calib/solver/bundle_adjustment.h"
+#include "calib/wave/consistent_regions.h"
 #include "calib/wave/similarity.h"
 
 namespace huetrack::wave {
@@ -128,6 +130,7 @@ void WaveSolution::solve(const WaveStart& start, bool any_scale, bool lenses_fir
   const int first_step = lenses_first ? WaveSteps::solved : 0;
   state_.cam_from_world = start.cam_from_world;
   for (std::size_t c = 0; c < start.later_s.size(); ++c) state_.times[c].latency_s += start.later_s[c];
+  if (!any_scale) choose_consistent();
   find_span();
   constexpr double most_late_s = 0.1;  // correction of a latency still to come
   std::size_t triangulated_count = 0;
@@ -156,11 +159,23 @@ void WaveSolution::solve(const WaveStart& start, bool any_scale, bool lenses_fir
   refine(first_step + WaveSteps::refined);
 }
 
+// By the present poses, in metres.
+void WaveSolution::choose_consistent() {
+  calib::CameraRig rig = rig_;
+  for (std::size_t c = 0; c < rig.cameras.size(); ++c) rig.cameras[c].cam_from_world = state_.cam_from_world[c];
+  ConsistencyTuning tuning;
+  if (options_.guessed_radius) tuning.log_size = std::numbers::ln2;  // right to a factor of two
+  chosen_ = consistent_regions(rig, *frames_, options_.radius_m, longest_s_, tuning);
+  agreed_.clear();
+  for (const int chosen : chosen_) agreed_.push_back(chosen >= 0);
+}
+
 void WaveSolution::refine(int step) {
   WaveAdjustmentOptions o = adjustment_options();
   for (int round = 0; round < WaveSteps::most_rounds; ++round) {
     report_progress("the poses and the ball's path", step + round);
     learn_shapes();
+    learn_noise();
     if (round == 1 || round == 3) learn_jerk();
     o.jerk_m_s3 = jerk_m_s3_;
     adjust(o);
@@ -206,7 +221,9 @@ bool WaveSolution::is_possible() const {
 
 double WaveSolution::used_share() const {
   const auto used = std::ranges::count_if(chosen_, [](int c) { return c >= 0; });
-  const auto seen = std::ranges::count_if(*frames_, [](const BallFrame& f) { return !f.regions.empty(); });
+  std::ptrdiff_t seen = 0;
+  for (std::size_t f = 0; f < frames_->size(); ++f)
+    seen += !(*frames_)[f].regions.empty() && (agreed_.empty() || agreed_[f] || chosen_[f] >= 0) ? 1 : 0;
   return seen == 0 ? 0 : static_cast<double>(used) / static_cast<double>(seen);
 }
 
@@ -318,10 +335,10 @@ WaveAdjustmentOptions WaveSolution::adjustment_options() const {
   o.reference = o.scale_a;
   o.hold_poses = options_.hold_poses;
   o.wander_s = wander_s_;
+  for (const double frame_s : frame_s_) o.frames_as_one.push_back(o.correlation.frames_as_one(std::max(1e-3, frame_s)));
   for (std::size_t c = 0; !options_.hold_poses && c < given_.cameras.size(); ++c) {
     const calib::Camera& camera = given_.cameras[c];
     o.any_lens_sigmas.push_back(any_lens.sigmas(camera));
-    o.frames_as_one.push_back(o.correlation.frames_as_one(std::max(1e-3, frame_s_[c])));
     if ((rough_ && lenses_first_) || options_.guessed_lenses) continue;
     LensChange& sigmas = o.given_lens_sigmas.emplace_back(given_lens.sigmas(camera));
     // No real lens is without distortion: nothing is given.
@@ -400,8 +417,40 @@ void WaveSolution::learn_shapes() {
       constexpr double share = 0.6;  // quantile
       const auto at = values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size()));
       std::ranges::nth_element(values, at);
-      blur2_[c][static_cast<int>(i)] = *at;
+      blur2_[c][static_cast<int>(i)] = std::max(0.0, *at);  // nothing makes a whole ball narrower
     }
+  }
+}
+
+// Hands, shadows and moving surroundings move outlines by more than their pixels and widths show: per camera the
+// variance that makes the median of the squared Mahalanobis distances what it is of a normal distribution.
+void WaveSolution::learn_noise() {
+  noise2_.assign(rig_.cameras.size(), 0);
+  std::vector<std::vector<std::pair<Vector2d, Vector2d>>> seen(rig_.cameras.size());  // squared residual, variance
+  for (std::size_t f = 0; f < frames_->size(); ++f) {
+    if (chosen_[f] < 0) continue;
+    const auto at = appearance((*frames_)[f], region(f));
+    const auto covariance = at ? covariance_of(f, region(f), *at) : std::nullopt;
+    if (!covariance) continue;
+    const auto axes = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>().computeDirect(*covariance);
+    const Vector2d residual = axes.eigenvectors().transpose() * (region(f).centre - at->px);
+    seen[index((*frames_)[f].camera)].emplace_back(residual.cwiseAbs2(), axes.eigenvalues());
+  }
+  for (std::size_t c = 0; c < seen.size(); ++c) {
+    const auto is_too_little = [&](double noise2) {
+      std::vector<double> distance2;
+      for (const auto& [residual2, variance] : seen[c])
+        distance2.push_back((residual2.array() / (variance.array() + noise2)).sum());
+      const double of_normal = 2 * std::numbers::ln2;  // maths: median of chi-square, 2 dof
+      return calib::median(std::move(distance2)) > of_normal;
+    };
+    double least = 0, most = rough_sigmas * rough_sigmas;  // px^2: no residual is larger at first
+    if (seen[c].empty() || !is_too_little(0)) continue;
+    for (int round = 0; round < 30; ++round) {
+      const double middle = (least + most) / 2;
+      (is_too_little(middle) ? least : most) = middle;
+    }
+    noise2_[c] = most;
   }
 }
 
@@ -427,6 +476,7 @@ std::optional<Eigen::Matrix2d> WaveSolution::covariance_of(std::size_t f, const 
     if (ratio < narrowest || ratio > widest) return std::nullopt;
     const double misfit_px = centre_per_misfit * std::max(0.0, std::abs(ratio - 1) - usual_misfit) * at.radius_px;
     variance[i] = options_.pixel_noise_px * options_.pixel_noise_px + variance_of_radius2 * r2 + misfit_px * misfit_px;
+    if (!noise2_.empty()) variance[i] += noise2_[index((*frames_)[f].camera)];
   }
   return Eigen::Matrix2d(shape.axes * variance.asDiagonal() * shape.axes.transpose());
 }

@@ -43,9 +43,10 @@ class WaveSolution {
   // Keeps every other piece of the recording (1/20 of it, at least a second). half: 0 or 1.
   void keep_half(int half);
 
-  double misfit() const;      // cost to compare solutions by, with that of changed lenses; lower is better
-  bool is_possible() const;   // all readouts are
-  double used_share() const;  // of the frames with a region
+  double misfit() const;     // cost to compare solutions by, with that of changed lenses; lower is better
+  bool is_possible() const;  // all readouts are
+  // Of the frames with a region; from given poses: of those on which, at first, the cameras agreed.
+  double used_share() const;
   double exposed_s(const BallFrame& frame, const color::ColorRegion& region) const {
     return state_.exposed_s(rig_, frame.camera, frame.t_s, region.centre);
   }
@@ -64,6 +65,7 @@ class WaveSolution {
   Eigen::Vector3d centre(int camera) const {
     return calib::inverse(state_.cam_from_world[static_cast<std::size_t>(camera)]).translation;
   }
+  const calib::CameraRig& rig() const { return rig_; }  // as given, with the lenses of the state
   const calib::CameraModel& lens(std::size_t camera) const { return rig_.cameras[camera].model; }
   const WaveFit& fit() const { return fit_; }
   double from_s() const { return from_s_; }
@@ -80,8 +82,10 @@ class WaveSolution {
   WaveAdjustmentOptions adjustment_options() const;
   std::optional<object_tracking::BallProjection> appearance(const BallFrame& frame,
                                                             const color::ColorRegion& region) const;
+  void choose_consistent();
   void learn_jerk();
   void learn_shapes();
+  void learn_noise();
   Eigen::Vector2d width_ratio(const BallFrame& frame, const color::ColorRegion& region,
                               const object_tracking::BallProjection& at) const;
   std::optional<Eigen::Matrix2d> covariance_of(std::size_t f, const color::ColorRegion& region,
@@ -96,6 +100,7 @@ class WaveSolution {
   const std::vector<BallFrame>* frames_;
   const WaveOptions& options_;
   std::vector<int> chosen_;      // per frame: the associated region; -1: none
+  std::vector<bool> agreed_;     // per frame: see used_share(); empty: without poses
   std::vector<double> frame_s_;  // per camera
   double from_s_ = 0, to_s_ = 0, step_s_ = 0, longest_s_ = 0;
   bool in_step_ = false;                // the cameras' stamps are synchronised
@@ -104,6 +109,7 @@ class WaveSolution {
   bool lenses_first_ = false;           // see solve()
   double jerk_m_s3_ = 60;               // see learn_jerk()
   std::vector<Eigen::Vector2d> blur2_;  // per camera: see learn_shapes()
+  std::vector<double> noise2_;          // per camera, px^2: see learn_noise()
   WaveState state_;
   WaveFit fit_;
 };
