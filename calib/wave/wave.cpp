@@ -184,15 +184,12 @@ Found find_solution(const calib::CameraRig& rig, const std::vector<BallFrame>& f
   if (best.fits()) return {best.take(), false};
   if (options.hold_poses) {
     const auto solution = best.take();
-    bool is_held = false;
-    for (std::size_t c = 0; c < rig.cameras.size(); ++c)
-      is_held = is_held || solution->partly_seen(c) > WaveCamera::much_partly;
     throw solver::CalibrationError(
         fmt::format(
             "only {:.0f} % of the frames with the target's colour agree with the poses that the rig has: {}they "
             "are not right, or the cameras' names are swapped",
             1e2 * solution->used_share(),
-            is_held ? "a hand hides too much of the ball (wave it on a thin stick, or throw it), " : ""),
+            solution->is_held() ? "a hand hides too much of the ball (wave it on a thin stick, or throw it), " : ""),
         solver::Fault::wrong_poses);
   }
   const WaveSolution* const of_rig = best.found().get();

@@ -175,7 +175,7 @@ void WaveSolution::refine(int step) {
   for (int round = 0; round < WaveSteps::most_rounds; ++round) {
     report_progress("the poses and the ball's path", step + round);
     learn_shapes();
-    learn_noise();
+    set_prior_weights(o);
     if (round == 1 || round == 3) learn_jerk();
     o.jerk_m_s3 = jerk_m_s3_;
     adjust(o);
@@ -247,6 +247,12 @@ double WaveSolution::partly_seen(std::size_t camera) const {
     if ((width_ratio((*frames_)[f], region(f), *at).array() - 1).abs().maxCoeff() > partly_misfit) ++partly;
   }
   return used == 0 ? 0 : static_cast<double>(partly) / used;
+}
+
+bool WaveSolution::is_held() const {
+  for (std::size_t c = 0; c < rig_.cameras.size(); ++c)
+    if (partly_seen(c) > WaveCamera::much_partly) return true;
+  return false;
 }
 
 BallTracks WaveSolution::tracks() const {
@@ -335,7 +341,7 @@ WaveAdjustmentOptions WaveSolution::adjustment_options() const {
   o.reference = o.scale_a;
   o.hold_poses = options_.hold_poses;
   o.wander_s = wander_s_;
-  for (const double frame_s : frame_s_) o.frames_as_one.push_back(o.correlation.frames_as_one(std::max(1e-3, frame_s)));
+  set_prior_weights(o);
   for (std::size_t c = 0; !options_.hold_poses && c < given_.cameras.size(); ++c) {
     const calib::Camera& camera = given_.cameras[c];
     o.any_lens_sigmas.push_back(any_lens.sigmas(camera));
@@ -356,6 +362,16 @@ WaveAdjustmentOptions WaveSolution::adjustment_options() const {
     if (rough_ && timing.readout_s) prior.readout_sigma_s = any.readout_sigma_s;
   }
   return o;
+}
+
+// A hand makes errors that are larger than stated, and last: priors count as much as the errors that are left show.
+void WaveSolution::set_prior_weights(WaveAdjustmentOptions& o) const {
+  const bool held = !rough_ && is_held();
+  const double variance = held ? noise_variance(fit_.distance2, robust_sigmas) : 1;
+  o.frames_as_one.clear();
+  for (const double frame_s : frame_s_)
+    o.frames_as_one.push_back(variance * o.correlation.frames_as_one(std::max(1e-3, frame_s)));
+  o.any_readout_weight = held ? o.frames_as_one : std::vector<double>{};
 }
 
 std::optional<object_tracking::BallProjection> WaveSolution::appearance(const BallFrame& frame,
@@ -417,40 +433,8 @@ void WaveSolution::learn_shapes() {
       constexpr double share = 0.6;  // quantile
       const auto at = values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size()));
       std::ranges::nth_element(values, at);
-      blur2_[c][static_cast<int>(i)] = std::max(0.0, *at);  // nothing makes a whole ball narrower
+      blur2_[c][static_cast<int>(i)] = *at;
     }
-  }
-}
-
-// Hands, shadows and moving surroundings move outlines by more than their pixels and widths show: per camera the
-// variance that makes the median of the squared Mahalanobis distances what it is of a normal distribution.
-void WaveSolution::learn_noise() {
-  noise2_.assign(rig_.cameras.size(), 0);
-  std::vector<std::vector<std::pair<Vector2d, Vector2d>>> seen(rig_.cameras.size());  // squared residual, variance
-  for (std::size_t f = 0; f < frames_->size(); ++f) {
-    if (chosen_[f] < 0) continue;
-    const auto at = appearance((*frames_)[f], region(f));
-    const auto covariance = at ? covariance_of(f, region(f), *at) : std::nullopt;
-    if (!covariance) continue;
-    const auto axes = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>().computeDirect(*covariance);
-    const Vector2d residual = axes.eigenvectors().transpose() * (region(f).centre - at->px);
-    seen[index((*frames_)[f].camera)].emplace_back(residual.cwiseAbs2(), axes.eigenvalues());
-  }
-  for (std::size_t c = 0; c < seen.size(); ++c) {
-    const auto is_too_little = [&](double noise2) {
-      std::vector<double> distance2;
-      for (const auto& [residual2, variance] : seen[c])
-        distance2.push_back((residual2.array() / (variance.array() + noise2)).sum());
-      const double of_normal = 2 * std::numbers::ln2;  // maths: median of chi-square, 2 dof
-      return calib::median(std::move(distance2)) > of_normal;
-    };
-    double least = 0, most = rough_sigmas * rough_sigmas;  // px^2: no residual is larger at first
-    if (seen[c].empty() || !is_too_little(0)) continue;
-    for (int round = 0; round < 30; ++round) {
-      const double middle = (least + most) / 2;
-      (is_too_little(middle) ? least : most) = middle;
-    }
-    noise2_[c] = most;
   }
 }
 
@@ -476,7 +460,6 @@ std::optional<Eigen::Matrix2d> WaveSolution::covariance_of(std::size_t f, const 
     if (ratio < narrowest || ratio > widest) return std::nullopt;
     const double misfit_px = centre_per_misfit * std::max(0.0, std::abs(ratio - 1) - usual_misfit) * at.radius_px;
     variance[i] = options_.pixel_noise_px * options_.pixel_noise_px + variance_of_radius2 * r2 + misfit_px * misfit_px;
-    if (!noise2_.empty()) variance[i] += noise2_[index((*frames_)[f].camera)];
   }
   return Eigen::Matrix2d(shape.axes * variance.asDiagonal() * shape.axes.transpose());
 }

@@ -53,6 +53,7 @@ class WaveSolution {
   double size_ratio() const;  // median apparent over expected radius, at the present scale
   // Share of the camera's outlines, used ones, that are narrower or wider than a whole ball's.
   double partly_seen(std::size_t camera) const;
+  bool is_held() const;  // much of a camera's
   BallTracks tracks() const;
   std::vector<BallObservation> observations() const;
   std::vector<LinearOutline> linear_outlines() const;  // of these, by time
@@ -83,9 +84,9 @@ class WaveSolution {
   std::optional<object_tracking::BallProjection> appearance(const BallFrame& frame,
                                                             const color::ColorRegion& region) const;
   void choose_consistent();
+  void set_prior_weights(WaveAdjustmentOptions& o) const;
   void learn_jerk();
   void learn_shapes();
-  void learn_noise();
   Eigen::Vector2d width_ratio(const BallFrame& frame, const color::ColorRegion& region,
                               const object_tracking::BallProjection& at) const;
   std::optional<Eigen::Matrix2d> covariance_of(std::size_t f, const color::ColorRegion& region,
@@ -109,7 +110,6 @@ class WaveSolution {
   bool lenses_first_ = false;           // see solve()
   double jerk_m_s3_ = 60;               // see learn_jerk()
   std::vector<Eigen::Vector2d> blur2_;  // per camera: see learn_shapes()
-  std::vector<double> noise2_;          // per camera, px^2: see learn_noise()
   WaveState state_;
   WaveFit fit_;
 };

@@ -103,8 +103,9 @@ TEST(StillRegions, AreRemovedWhereTheyAppearInMostFrames) {
 TEST(StillPixels, ARegionOfThemIsRemoved) {
   const calib::CameraRig rig = scene::SceneBuilder{}.cameras_on_ring({.count = 1}).ball({}).build().rig;
   const auto patch = [](int u_min, int width) {
-    BallPatch out{.u_min = u_min, .v_min = 50, .width = width, .height = 10};
-    out.pixels.assign(static_cast<std::size_t>(width) * 10, {.match = true});
+    BallPatch out;
+    out.u_min = u_min, out.v_min = 50, out.width = width, out.height = 10;
+    out.pixels.assign(static_cast<std::size_t>(width) * 10, {200, 0, 0, true});
     return out;
   };
   std::vector<BallFrame> frames;
