@@ -166,8 +166,6 @@ void WaveSolution::choose_consistent() {
   ConsistencyTuning tuning;
   if (options_.guessed_radius) tuning.log_size = std::numbers::ln2;  // right to a factor of two
   chosen_ = consistent_regions(rig, *frames_, options_.radius_m, longest_s_, tuning);
-  agreed_.clear();
-  for (const int chosen : chosen_) agreed_.push_back(chosen >= 0);
 }
 
 void WaveSolution::refine(int step) {
@@ -221,9 +219,7 @@ bool WaveSolution::is_possible() const {
 
 double WaveSolution::used_share() const {
   const auto used = std::ranges::count_if(chosen_, [](int c) { return c >= 0; });
-  std::ptrdiff_t seen = 0;
-  for (std::size_t f = 0; f < frames_->size(); ++f)
-    seen += !(*frames_)[f].regions.empty() && (agreed_.empty() || agreed_[f] || chosen_[f] >= 0) ? 1 : 0;
+  const auto seen = std::ranges::count_if(*frames_, [](const BallFrame& f) { return !f.regions.empty(); });
   return seen == 0 ? 0 : static_cast<double>(used) / static_cast<double>(seen);
 }
 

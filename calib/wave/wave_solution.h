@@ -43,10 +43,9 @@ class WaveSolution {
   // Keeps every other piece of the recording (1/20 of it, at least a second). half: 0 or 1.
   void keep_half(int half);
 
-  double misfit() const;     // cost to compare solutions by, with that of changed lenses; lower is better
-  bool is_possible() const;  // all readouts are
-  // Of the frames with a region; from given poses: of those on which, at first, the cameras agreed.
-  double used_share() const;
+  double misfit() const;      // cost to compare solutions by, with that of changed lenses; lower is better
+  bool is_possible() const;   // all readouts are
+  double used_share() const;  // of the frames with a region
   double exposed_s(const BallFrame& frame, const color::ColorRegion& region) const {
     return state_.exposed_s(rig_, frame.camera, frame.t_s, region.centre);
   }
@@ -101,7 +100,6 @@ class WaveSolution {
   const std::vector<BallFrame>* frames_;
   const WaveOptions& options_;
   std::vector<int> chosen_;      // per frame: the associated region; -1: none
-  std::vector<bool> agreed_;     // per frame: see used_share(); empty: without poses
   std::vector<double> frame_s_;  // per camera
   double from_s_ = 0, to_s_ = 0, step_s_ = 0, longest_s_ = 0;
   bool in_step_ = false;                // the cameras' stamps are synchronised
