@@ -9,7 +9,7 @@ namespace {
 
 constexpr int least_area_px = 6;              // smaller regions are noise
 constexpr double largest_extent_share = 0.3;  // of the image's height; wider regions are background
-constexpr std::size_t most_regions = 6;       // per frame
+constexpr std::size_t most_regions = 24;      // per frame
 
 }  // namespace
 
@@ -57,6 +57,41 @@ Eigen::Matrix2d shape_at(const calib::CameraModel& model, const Eigen::Vector2d&
   return by_point * axes;
 }
 
+// Pixels that have the target's colour in most of a camera's frames: static clutter. Only pixels in patches count.
+class StillPixels {
+ public:
+  StillPixels(calib::ImageSize size, const std::vector<BallFrame>& frames, int camera)
+      : width_(size.width), seen_(static_cast<std::size_t>(size.width) * static_cast<std::size_t>(size.height)) {
+    std::vector<int> last(seen_.size(), -1);  // frame, as patches overlap
+    for (const BallFrame& frame : frames) {
+      if (frame.camera != camera) continue;
+      ++frames_;
+      for (const BallPatch& patch : frame.patches) {
+        for_each_match(patch, [&](std::size_t at) {
+          if (last[at] != frames_) last[at] = frames_, ++seen_[at];
+        });
+      }
+    }
+  }
+  // Most of its pixels are.
+  bool cover(const BallPatch& patch) const {
+    int all = 0, still = 0;
+    for_each_match(patch, [&](std::size_t at) { ++all, still += 2 * seen_[at] > frames_ ? 1 : 0; });
+    return 2 * still > all;
+  }
+
+ private:
+  void for_each_match(const BallPatch& patch, auto&& visit) const {
+    for (int v = patch.v_min; v < patch.v_min + patch.height; ++v) {
+      for (int u = patch.u_min; u < patch.u_min + patch.width; ++u)
+        if (patch.at(u, v).match) visit(static_cast<std::size_t>(v * width_ + u));
+    }
+  }
+
+  int width_, frames_ = 0;
+  std::vector<int> seen_;  // frames, row by row
+};
+
 }  // namespace
 
 void refine_outlines(std::vector<BallFrame>& frames, const BackgroundSamples& background, const calib::CameraRig& rig,
@@ -64,10 +99,16 @@ void refine_outlines(std::vector<BallFrame>& frames, const BackgroundSamples& ba
   int done = 0;
   for (std::size_t camera = 0; camera < rig.cameras.size(); ++camera) {
     const std::optional<BackgroundImage> behind = background.of(camera);
+    const StillPixels still(rig.cameras[camera].image_size, frames, static_cast<int>(camera));
     for (BallFrame& frame : frames) {
       if (static_cast<std::size_t>(frame.camera) != camera) continue;
       if (progress && done % 16 == 0) progress("the ball's outlines", done, static_cast<int>(frames.size()));
       ++done;
+      for (std::size_t r = frame.patches.size(); r-- > 0;) {
+        if (!still.cover(frame.patches[r])) continue;
+        frame.patches.erase(frame.patches.begin() + static_cast<std::ptrdiff_t>(r));
+        frame.regions.erase(frame.regions.begin() + static_cast<std::ptrdiff_t>(r));
+      }
       for (std::size_t r = 0; behind && r < frame.patches.size(); ++r) {
         frame.regions[r] = outline_over_background(frame.patches[r], frame.regions[r], *behind,
                                                    shape_at(rig.cameras[camera].model, frame.regions[r].centre));

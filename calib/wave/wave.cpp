@@ -147,6 +147,7 @@ BestSolution solved(const WaveSolution& unsolved, const WaveStart& start, bool a
     best.consider([&] {
       auto solution = std::make_unique<WaveSolution>(unsolved);
       solution->solve(start, any_scale, lenses_first);
+      if (!options.hold_poses) require_connected(solution->rig(), pairs_of(solution->rig(), solution->tracks()));
       return solution;
     });
   }
@@ -183,15 +184,12 @@ Found find_solution(const calib::CameraRig& rig, const std::vector<BallFrame>& f
   if (best.fits()) return {best.take(), false};
   if (options.hold_poses) {
     const auto solution = best.take();
-    bool is_held = false;
-    for (std::size_t c = 0; c < rig.cameras.size(); ++c)
-      is_held = is_held || solution->partly_seen(c) > WaveCamera::much_partly;
     throw solver::CalibrationError(
         fmt::format(
             "only {:.0f} % of the frames with the target's colour agree with the poses that the rig has: {}they "
             "are not right, or the cameras' names are swapped",
             1e2 * solution->used_share(),
-            is_held ? "a hand hides too much of the ball (wave it on a thin stick, or throw it), " : ""),
+            solution->is_held() ? "a hand hides too much of the ball (wave it on a thin stick, or throw it), " : ""),
         solver::Fault::wrong_poses);
   }
   const WaveSolution* const of_rig = best.found().get();
@@ -468,8 +466,15 @@ solver::Reason motion_in_a_plane(const Eigen::Vector3d& extent_m) {
 
 namespace {
 
-// Median radius of the ball, triangulated with the rig's poses; nullopt: rays hardly ever meet. Frames by time.
-std::optional<double> radius_by_rays(const calib::CameraRig& rig, const std::vector<BallFrame>& frames) {
+bool is_far_from_one(double ratio) {
+  constexpr double far = 1.3;  // beyond the effects of colour thresholds and pose errors
+  return ratio > far || ratio < 1 / far;
+}
+
+// Median radius of what has the ball's colour, triangulated with the rig's poses; nullopt: rays hardly ever meet, or
+// some of it has the given radius, and the rest may be something else. Frames by time.
+std::optional<double> radius_by_rays(const calib::CameraRig& rig, const std::vector<BallFrame>& frames,
+                                     double given_m) {
   // For poses with errors of some centimetres, and the ball's motion between unsynchronised frames.
   constexpr double furthest_apart_s = 0.05;
   constexpr double furthest_apart = 0.1;  // over the distance
@@ -505,12 +510,10 @@ std::optional<double> radius_by_rays(const calib::CameraRig& rig, const std::vec
     }
   }
   if (radii_m.size() < least_meetings) return std::nullopt;
+  constexpr double most_as_given = 0.1;  // share: skin or clutter of the colour may be in view longer than the ball
+  const auto as_given = std::ranges::count_if(radii_m, [&](double r) { return !is_far_from_one(r / given_m); });
+  if (static_cast<double>(as_given) > most_as_given * static_cast<double>(radii_m.size())) return std::nullopt;
   return calib::median(std::move(radii_m));
-}
-
-bool is_far_from_one(double ratio) {
-  constexpr double far = 1.3;  // beyond the effects of colour thresholds and pose errors
-  return ratio > far || ratio < 1 / far;
 }
 
 // A given radius or distance that contradicts the images: more likely the cause of a failure than the motion. Empty:
@@ -528,7 +531,7 @@ std::vector<solver::Reason> contradicting_sizes(const calib::CameraRig& rig, con
                                      name_a, name_b, metres, of_rig),
                          solver::Fault::wrong_distance});
     }
-    const auto radius_m = radius_by_rays(rig, frames);
+    const auto radius_m = radius_by_rays(rig, frames, options.radius_m);
     if (radius_m && is_far_from_one(*radius_m / options.radius_m))
       found.push_back({fmt::format("{}by the rig the ball has a radius of about {:.0f} mm, and {:.3g} mm was given",
                                    found.empty() ? "" : "; and ", 1e3 * *radius_m, 1e3 * options.radius_m),

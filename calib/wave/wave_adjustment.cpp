@@ -333,6 +333,11 @@ class WaveProblem {
         problem_.SetParameterBlockConstant(&time.latency_s);
       }
       if (has_free_readout(c)) {
+        if (!options_.any_readout_weight.empty()) {
+          problem_.AddResidualBlock(
+              new ceres::AutoDiffCostFunction<PriorCost, 1, 1>(new PriorCost{0, options_.any_readout_sigma_s}),
+              new ceres::ScaledLoss(nullptr, options_.any_readout_weight[c], ceres::TAKE_OWNERSHIP), &time.readout_s);
+        }
         add_prior(&time.readout_s, options_.times[c].time.readout_s, options_.times[c].readout_sigma_s);
       } else {
         problem_.SetParameterBlockConstant(&time.readout_s);

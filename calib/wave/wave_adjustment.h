@@ -79,7 +79,10 @@ struct WaveAdjustmentOptions {
   int scale_a = 0, scale_b = 1;    // the distance of these two cameras is held
   bool hold_poses = false;         // all poses are held: only times and path are estimated
   std::vector<TimePrior> times{};  // per camera; empty: times are held
-  int time_reference = 0;          // its latency is held: a shift of all times is not observable
+  // A prior of all readouts, up to 33 ms, either way, without a loss: how often it counts, per camera. Empty: never.
+  double any_readout_sigma_s = 0.03;  // > 0
+  std::vector<double> any_readout_weight{};
+  int time_reference = 0;  // its latency is held: a shift of all times is not observable
   // Per camera, 1 sigma of a lens's change: what lenses are (empty: they are held), and how sure the given one is
   // (empty: a guess). The second has a loss: a lens that the ball contradicts gives way.
   std::vector<LensChange> any_lens_sigmas{}, given_lens_sigmas{};

@@ -6,11 +6,13 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "calib/model/index.h"
 #include "calib/model/median.h"
 #include "calib/model/usual_lens.h"
 #include "calib/solver/bundle_adjustment.h"
+#include "calib/wave/consistent_regions.h"
 #include "calib/wave/similarity.h"
 
 namespace huetrack::wave {
@@ -128,6 +130,7 @@ void WaveSolution::solve(const WaveStart& start, bool any_scale, bool lenses_fir
   const int first_step = lenses_first ? WaveSteps::solved : 0;
   state_.cam_from_world = start.cam_from_world;
   for (std::size_t c = 0; c < start.later_s.size(); ++c) state_.times[c].latency_s += start.later_s[c];
+  if (!any_scale) choose_consistent();
   find_span();
   constexpr double most_late_s = 0.1;  // correction of a latency still to come
   std::size_t triangulated_count = 0;
@@ -156,11 +159,21 @@ void WaveSolution::solve(const WaveStart& start, bool any_scale, bool lenses_fir
   refine(first_step + WaveSteps::refined);
 }
 
+// By the present poses, in metres.
+void WaveSolution::choose_consistent() {
+  calib::CameraRig rig = rig_;
+  for (std::size_t c = 0; c < rig.cameras.size(); ++c) rig.cameras[c].cam_from_world = state_.cam_from_world[c];
+  ConsistencyTuning tuning;
+  if (options_.guessed_radius) tuning.log_size = std::numbers::ln2;  // right to a factor of two
+  chosen_ = consistent_regions(rig, *frames_, options_.radius_m, longest_s_, tuning);
+}
+
 void WaveSolution::refine(int step) {
   WaveAdjustmentOptions o = adjustment_options();
   for (int round = 0; round < WaveSteps::most_rounds; ++round) {
     report_progress("the poses and the ball's path", step + round);
     learn_shapes();
+    set_prior_weights(o);
     if (round == 1 || round == 3) learn_jerk();
     o.jerk_m_s3 = jerk_m_s3_;
     adjust(o);
@@ -230,6 +243,12 @@ double WaveSolution::partly_seen(std::size_t camera) const {
     if ((width_ratio((*frames_)[f], region(f), *at).array() - 1).abs().maxCoeff() > partly_misfit) ++partly;
   }
   return used == 0 ? 0 : static_cast<double>(partly) / used;
+}
+
+bool WaveSolution::is_held() const {
+  for (std::size_t c = 0; c < rig_.cameras.size(); ++c)
+    if (partly_seen(c) > WaveCamera::much_partly) return true;
+  return false;
 }
 
 BallTracks WaveSolution::tracks() const {
@@ -318,10 +337,10 @@ WaveAdjustmentOptions WaveSolution::adjustment_options() const {
   o.reference = o.scale_a;
   o.hold_poses = options_.hold_poses;
   o.wander_s = wander_s_;
+  set_prior_weights(o);
   for (std::size_t c = 0; !options_.hold_poses && c < given_.cameras.size(); ++c) {
     const calib::Camera& camera = given_.cameras[c];
     o.any_lens_sigmas.push_back(any_lens.sigmas(camera));
-    o.frames_as_one.push_back(o.correlation.frames_as_one(std::max(1e-3, frame_s_[c])));
     if ((rough_ && lenses_first_) || options_.guessed_lenses) continue;
     LensChange& sigmas = o.given_lens_sigmas.emplace_back(given_lens.sigmas(camera));
     // No real lens is without distortion: nothing is given.
@@ -339,6 +358,16 @@ WaveAdjustmentOptions WaveSolution::adjustment_options() const {
     if (rough_ && timing.readout_s) prior.readout_sigma_s = any.readout_sigma_s;
   }
   return o;
+}
+
+// A hand makes errors that are larger than stated, and last: priors count as much as the errors that are left show.
+void WaveSolution::set_prior_weights(WaveAdjustmentOptions& o) const {
+  const bool held = !rough_ && is_held();
+  const double variance = held ? noise_variance(fit_.distance2, robust_sigmas) : 1;
+  o.frames_as_one.clear();
+  for (const double frame_s : frame_s_)
+    o.frames_as_one.push_back(variance * o.correlation.frames_as_one(std::max(1e-3, frame_s)));
+  o.any_readout_weight = held ? o.frames_as_one : std::vector<double>{};
 }
 
 std::optional<object_tracking::BallProjection> WaveSolution::appearance(const BallFrame& frame,

@@ -52,6 +52,7 @@ class WaveSolution {
   double size_ratio() const;  // median apparent over expected radius, at the present scale
   // Share of the camera's outlines, used ones, that are narrower or wider than a whole ball's.
   double partly_seen(std::size_t camera) const;
+  bool is_held() const;  // much of a camera's
   BallTracks tracks() const;
   std::vector<BallObservation> observations() const;
   std::vector<LinearOutline> linear_outlines() const;  // of these, by time
@@ -64,6 +65,7 @@ class WaveSolution {
   Eigen::Vector3d centre(int camera) const {
     return calib::inverse(state_.cam_from_world[static_cast<std::size_t>(camera)]).translation;
   }
+  const calib::CameraRig& rig() const { return rig_; }  // as given, with the lenses of the state
   const calib::CameraModel& lens(std::size_t camera) const { return rig_.cameras[camera].model; }
   const WaveFit& fit() const { return fit_; }
   double from_s() const { return from_s_; }
@@ -80,6 +82,8 @@ class WaveSolution {
   WaveAdjustmentOptions adjustment_options() const;
   std::optional<object_tracking::BallProjection> appearance(const BallFrame& frame,
                                                             const color::ColorRegion& region) const;
+  void choose_consistent();
+  void set_prior_weights(WaveAdjustmentOptions& o) const;
   void learn_jerk();
   void learn_shapes();
   Eigen::Vector2d width_ratio(const BallFrame& frame, const color::ColorRegion& region,

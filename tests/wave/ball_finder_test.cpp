@@ -99,5 +99,28 @@ TEST(StillRegions, AreRemovedWhereTheyAppearInMostFrames) {
   }
 }
 
+// Wood of the ball's colour: its rim flickers with the light, so that its centre moves.
+TEST(StillPixels, ARegionOfThemIsRemoved) {
+  const calib::CameraRig rig = scene::SceneBuilder{}.cameras_on_ring({.count = 1}).ball({}).build().rig;
+  const auto patch = [](int u_min, int width) {
+    BallPatch out;
+    out.u_min = u_min, out.v_min = 50, out.width = width, out.height = 10;
+    out.pixels.assign(static_cast<std::size_t>(width) * 10, {200, 0, 0, true});
+    return out;
+  };
+  std::vector<BallFrame> frames;
+  for (int i = 0; i < 40; ++i) {
+    const int rim = i % 5;
+    BallFrame& frame = frames.emplace_back(BallFrame{0, i / 30.0, {}});
+    frame.patches = {patch(100 - 4 * rim, 10 + 4 * rim), patch(200 + 4 * i, 10)};
+    frame.regions = {region_at(105 - 2 * rim, 55), region_at(205 + 4 * i, 55)};
+  }
+  refine_outlines(frames, BackgroundSamples(1), rig);
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    ASSERT_EQ(frames[i].regions.size(), 1u) << i;
+    EXPECT_EQ(frames[i].regions.front().centre.x(), 205 + 4 * static_cast<double>(i));
+  }
+}
+
 }  // namespace
 }  // namespace huetrack::wave

@@ -69,6 +69,18 @@ TEST(Wave, CorrectsSpoiltPoses) {
   EXPECT_GT(r.expected_m, 0.00005);
 }
 
+// A shirt or an arm: in every picture something of the colour that is larger than the ball.
+TEST(Wave, FindsTheBallAmongLargerRegions) {
+  const calib::CameraRig truth = rig_of(3);
+  const WaveResult r = calibrate_wave(spoilt(truth, 0.05, 2), waved(truth, {.wrong = 1}), taped(truth));
+  EXPECT_LT(off(r.rig, truth).metres, 0.003);
+  for (const WaveCamera& camera : r.cameras) EXPECT_GT(camera.used, 0.8 * camera.frames);
+  // With exact poses, too: what else has the colour does not speak against them.
+  WaveOptions timed;
+  timed.radius_m = taped(truth).radius_m, timed.hold_poses = true;
+  EXPECT_GT(calibrate_wave(truth, waved(truth, {.wrong = 1}), timed).cameras[0].used, 100);
+}
+
 calib::CameraRig with_lenses(calib::CameraRig rig, const std::function<void(calib::PinholeRadtan&)>& change) {
   for (calib::Camera& camera : rig.cameras) {
     auto lens = std::get<calib::PinholeRadtan>(camera.model.lens());
