@@ -137,10 +137,12 @@ void WaveSolution::solve(const WaveStart& start, bool any_scale, bool lenses_fir
   state_.path = triangulated_path(rig_, state_.cam_from_world, tracks(), from_s_ - most_late_s, to_s_ + most_late_s,
                                   step_s_, &triangulated_count);
   if (triangulated_count < index(least_shared)) {
+    const std::string times = std::to_string(triangulated_count) + " times";
     throw solver::CalibrationError(
-        "the cameras' rays to the ball hardly ever meet with the poses that the rig has (" +
-        std::to_string(triangulated_count) +
-        " times): the poses are far off, the cameras' names are swapped, or they see different things");
+        any_scale ? "the cameras are not connected: what they show of the ball's colour hardly ever is in one place (" +
+                        times + "): set the ball's colour, or wave it where two of them see it"
+                  : "the cameras' rays to the ball hardly ever meet with the poses that the rig has (" + times +
+                        "): the poses are far off, the cameras' names are swapped, or they see different things");
   }
   WaveAdjustmentOptions o = adjustment_options();
   // First with wide gates and equal weights, then with each observation's own covariance.

@@ -385,6 +385,7 @@ void ViewWatch::look(const object_tracking::ObjectEstimate& estimate, const obje
   if (target_.count == 1) jumps_.look(tracker.regions(), now_s, target_.radius_m);
   if (now_s < next_s_) return;
   next_s_ = now_s + view_samples.period_s;
+  const std::vector<Mistake> of_color = of_shared_color(tracker.color_shares());
   std::vector<Mistake> now;
   if (const auto jumps = jumps_.jumps())
     now.push_back({.kind = MistakeKind::wrong_order, .size = jumps->largest_m, .jumps = jumps->count});
@@ -392,7 +393,9 @@ void ViewWatch::look(const object_tracking::ObjectEstimate& estimate, const obje
     now.push_back(std::move(*mistake));
   } else if (!is_wrong_) {
     if (auto late = of_learnt_times()) now.push_back(std::move(*late));
-    if (auto wrong_radius = of_radius(tracker.outline_findings())) now.push_back(std::move(*wrong_radius));
+    // In a room that shares the colour an outline may be of what touches the target.
+    auto wrong_radius = of_color.empty() ? of_radius(tracker.outline_findings()) : std::nullopt;
+    if (wrong_radius) now.push_back(std::move(*wrong_radius));
   }
   const auto is_explained = [](const Suspected& s) {
     return is_of_rig(s.mistake.kind) && s.mistake.kind != MistakeKind::contradiction &&
@@ -400,14 +403,7 @@ void ViewWatch::look(const object_tracking::ObjectEstimate& estimate, const obje
   };
   auto uneven = of_uneven_times();
   if (uneven && now.empty() && std::ranges::none_of(suspected_, is_explained)) now.push_back(std::move(*uneven));
-  const auto shares = tracker.color_shares();
-  for (std::size_t c = 0; c < shares.size(); ++c) {
-    const bool is_shared =
-        shares[c].of_picture > std::max(target_fault.min_shared, target_fault.times_the_target * shares[c].of_target);
-    cameras_[c].shared_count = is_shared ? cameras_[c].shared_count + 1 : 0;
-    if (cameras_[c].shared_count >= target_fault.min_shared_count)
-      now.push_back({.kind = MistakeKind::shared_color, .cameras = {int(c)}, .size = shares[c].of_picture});
-  }
+  now.insert(now.end(), of_color.begin(), of_color.end());
   confirm(now, now_s);
 }
 
@@ -669,6 +665,18 @@ std::optional<Mistake> ViewWatch::of_uneven_times() {
     if (!out) out = Mistake{.kind = MistakeKind::uneven_times};
     out->cameras.push_back(int(c));
     out->size = std::max(out->size, size_s);
+  }
+  return out;
+}
+
+std::vector<Mistake> ViewWatch::of_shared_color(std::span<const object_tracking::ColorShare> shares) {
+  std::vector<Mistake> out;
+  for (std::size_t c = 0; c < shares.size(); ++c) {
+    const bool is_shared =
+        shares[c].of_picture > std::max(target_fault.min_shared, target_fault.times_the_target * shares[c].of_target);
+    cameras_[c].shared_count = is_shared ? cameras_[c].shared_count + 1 : 0;
+    if (cameras_[c].shared_count >= target_fault.min_shared_count)
+      out.push_back({.kind = MistakeKind::shared_color, .cameras = {int(c)}, .size = shares[c].of_picture});
   }
   return out;
 }

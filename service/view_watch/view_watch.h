@@ -131,6 +131,7 @@ class ViewWatch {
   bool correct_times(Mistake& found, double now_s);
   std::optional<Mistake> of_uneven_times();
   std::optional<Mistake> of_learnt_times() const;
+  std::vector<Mistake> of_shared_color(std::span<const object_tracking::ColorShare> shares);
   std::optional<Mistake> of_radius(const object_tracking::OutlineFindings& outlines) const;
   bool has_moved() const;
   void confirm(const std::vector<Mistake>& found, double now_s);

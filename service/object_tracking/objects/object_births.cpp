@@ -91,7 +91,7 @@ ObjectBirths::Candidate ObjectBirths::weighed(PositionCandidate at, const std::v
       if (nth++ > 0)
         out.evidence += std::log(detection.probability /
                                  (2 * in_view->radius_px * reach_px *
-                                  (clutter.density(camera, seen->px, in_view->radius_px) + clutter.unjudged(camera))));
+                                  (clutter.density(camera, seen->px, near_radii(still) * in_view->radius_px) + clutter.unjudged(camera))));
       out.evidence += clutter.log_ratio(camera, seen->evidence);
       out.evidence -= std::min(birth_tuning.max_size_cost, 0.5 * size * size);
       continue;

@@ -43,7 +43,8 @@ struct SeenAs {
 };
 
 std::optional<SeenAs> seen_as(const ExpectedPlace& expected, const Sighting& s, double radius_m,
-                              const MotionState& times, const ClutterMap& clutter) {
+                              const MotionState& times, const ClutterMap& clutter,
+                              const StaticClutterMask& still) {
   const double dt = capture::seconds(s.row.at - expected.at);
   const double late_s = times.row_sigma_s(s.row.camera, s.row.below_middle);
   const auto in_view = project_ball(*s.camera, expected.position + dt * expected.velocity, radius_m);
@@ -58,7 +59,7 @@ std::optional<SeenAs> seen_as(const ExpectedPlace& expected, const Sighting& s, 
   const Eigen::Matrix2d spread = by * expected.covariance * by.transpose() + of_sighting;
   const Eigen::Vector2d d = s.px - in_view->px;
   const Eigen::Matrix<double, 3, 2> gain = expected.covariance * by.transpose() * spread.inverse();
-  return SeenAs{std::log(detection.probability / clutter.density(std::size_t(s.row.camera), s.px, in_view->radius_px)) +
+  return SeenAs{std::log(detection.probability / clutter.density(std::size_t(s.row.camera), s.px, near_radii(still) * in_view->radius_px)) +
                     clutter.log_ratio(std::size_t(s.row.camera), s.evidence) +
                     log_density(d, spread, in_view->radius_px),
                 gain * d, expected.covariance - gain * by * expected.covariance};
@@ -82,7 +83,7 @@ Evidence evidence_of(ExpectedPlace expected, std::span<const Sighting> sightings
     std::optional<SeenAs> likeliest;
     std::size_t which = 0;
     for (std::size_t i = 0; i < open.size(); ++i) {
-      const auto seen = seen_as(expected, *open[i], radius_m, times, clutter);
+      const auto seen = seen_as(expected, *open[i], radius_m, times, clutter, still);
       if (seen && (!likeliest || seen->log_odds > likeliest->log_odds)) likeliest = seen, which = i;
     }
     if (!likeliest) break;
@@ -196,6 +197,10 @@ void ObjectExistence::leave_out_chance(const MotionState& state, double power_de
 
 bool ObjectExistence::is_sure() const {
   return evidence_ >= existence.confirmed && has_moved_ && of_set_ >= 0;
+}
+
+bool ObjectExistence::is_evident() const {
+  return of_set_ >= existence.confirmed;
 }
 
 bool ObjectExistence::is_refuted() const {

@@ -47,6 +47,8 @@ class ObjectExistence {
   void compete(double log_odds) { evidence_ -= log_odds, of_set_ -= log_odds; }
   // Confirmed, and supported by this set.
   bool is_sure() const;
+  // The last set alone would confirm it.
+  bool is_evident() const;
   // Clutter explains the camera's sighting of the last set better: it is no measurement of this object.
   bool is_chance(int camera) const { return std::ranges::count(chance_, camera) > 0; }
   double log_odds() const { return evidence_; }

@@ -261,7 +261,7 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
   if (views.size() < std::min<std::size_t>(2, views_.camera_count())) return;
   if (is_alone()) {
     const auto tracked = std::ranges::find_if(objects_, is_tracked);
-    if (tracked != objects_.end() && !clutter_mask_.is_room_shared()) return;
+    if (tracked != objects_.end() && (!clutter_mask_.is_room_shared() || (*tracked)->existence.is_evident())) return;
     search_.look(views);
     for (std::size_t i = 0; i < views.size(); ++i)
       if (!seen_regions_.has(views[i].index)) seen_regions_.add_others(views[i], search_.regions()[i]);
