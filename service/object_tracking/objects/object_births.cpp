@@ -89,9 +89,10 @@ ObjectBirths::Candidate ObjectBirths::weighed(PositionCandidate at, const std::v
       const double reach_px = nth == 1 ? views[v].image->width : in_view->radius_px;
       const auto camera = std::size_t(views[v].index);
       if (nth++ > 0)
-        out.evidence += std::log(detection.probability /
-                                 (2 * in_view->radius_px * reach_px *
-                                  (clutter.density(camera, seen->px, near_radii(still) * in_view->radius_px) + clutter.unjudged(camera))));
+        out.evidence += std::log(
+            detection.probability /
+            (2 * in_view->radius_px * reach_px *
+             (clutter.density(camera, seen->px, near_radii(still) * in_view->radius_px) + clutter.unjudged(camera))));
       out.evidence += clutter.log_ratio(camera, seen->evidence);
       out.evidence -= std::min(birth_tuning.max_size_cost, 0.5 * size * size);
       continue;

@@ -43,8 +43,7 @@ struct SeenAs {
 };
 
 std::optional<SeenAs> seen_as(const ExpectedPlace& expected, const Sighting& s, double radius_m,
-                              const MotionState& times, const ClutterMap& clutter,
-                              const StaticClutterMask& still) {
+                              const MotionState& times, const ClutterMap& clutter, const StaticClutterMask& still) {
   const double dt = capture::seconds(s.row.at - expected.at);
   const double late_s = times.row_sigma_s(s.row.camera, s.row.below_middle);
   const auto in_view = project_ball(*s.camera, expected.position + dt * expected.velocity, radius_m);
@@ -59,7 +58,8 @@ std::optional<SeenAs> seen_as(const ExpectedPlace& expected, const Sighting& s, 
   const Eigen::Matrix2d spread = by * expected.covariance * by.transpose() + of_sighting;
   const Eigen::Vector2d d = s.px - in_view->px;
   const Eigen::Matrix<double, 3, 2> gain = expected.covariance * by.transpose() * spread.inverse();
-  return SeenAs{std::log(detection.probability / clutter.density(std::size_t(s.row.camera), s.px, near_radii(still) * in_view->radius_px)) +
+  return SeenAs{std::log(detection.probability /
+                         clutter.density(std::size_t(s.row.camera), s.px, near_radii(still) * in_view->radius_px)) +
                     clutter.log_ratio(std::size_t(s.row.camera), s.evidence) +
                     log_density(d, spread, in_view->radius_px),
                 gain * d, expected.covariance - gain * by * expected.covariance};
