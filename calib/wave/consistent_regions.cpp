@@ -84,7 +84,7 @@ std::vector<int> consistent_regions(const calib::CameraRig& rig, const std::vect
     double best = 0;
     for (std::size_t r = 0; r < rays.of(f).size(); ++r) {
       if (!rays.of(f)[r]) continue;
-      double agreement = 0;  // what each other camera's best region spares
+      double gain = 0;  // over a region that is inconsistent with all, squared sigmas
       for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
         if (c == index(frames[f].camera) || !nearest[f][c]) continue;
         const Vector3d base = rig.cameras[c].centre() - rig.cameras[index(frames[f].camera)].centre();
@@ -94,9 +94,9 @@ std::vector<int> consistent_regions(const calib::CameraRig& rig, const std::vect
           if (const auto off = disagreement(base, *rays.of(f)[r], *other, radius_m, tuning))
             least = std::min(least, *off);
         }
-        agreement += tuning.most_sigmas2 - least;
+        gain += tuning.most_sigmas2 - least;
       }
-      if (agreement > best) best = agreement, chosen[f] = static_cast<int>(r);
+      if (gain > best) best = gain, chosen[f] = static_cast<int>(r);
     }
   }
   return chosen;

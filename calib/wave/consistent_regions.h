@@ -1,5 +1,5 @@
-// Which regions several cameras agree about: their rays meet, where they are as large as the ball. Private to this
-// module.
+// Regions that are consistent in several cameras: their rays meet where the regions are as large as the ball. Private
+// to this module.
 #pragma once
 
 #include <vector>
@@ -17,7 +17,7 @@ struct ConsistencyTuning {
   double most_sigmas2 = 7.8;  // chi-square, 3 dof, 95 %: one gap, two sizes
 };
 
-// Per frame the region on which it agrees best with the other cameras' frames nearest in time; -1: with none. frames
+// Per frame the region that is most consistent with the other cameras' frames nearest in time; -1: none is. frames
 // ascend in time; most_apart_s: frames further apart are not compared.
 std::vector<int> consistent_regions(const calib::CameraRig& rig, const std::vector<BallFrame>& frames, double radius_m,
                                     double most_apart_s, const ConsistencyTuning& tuning = {});

@@ -106,7 +106,7 @@ bool MistakeWatch::look(const capture::FrameSet& set, std::span<const object_tra
   return inflation_ != previous_inflation_;
 }
 
-// Of several objects it is not known whose region is whose.
+// With several objects the data association is not known.
 std::vector<MistakeWatch::PathOfCamera> MistakeWatch::paths_of(const object_tracking::TargetOptions& target) const {
   return std::vector<PathOfCamera>(target.count == 1 ? rig_.cameras.size() : 0);
 }

@@ -97,9 +97,7 @@ std::string mistake_text(const view_watch::Mistake& mistake, const object_tracki
       const bool is_whole = std::abs(repeats - std::round(repeats)) < 0.1 && repeats > 1.5;
       return fmt::format(
           "{}'s film looks converted from about {:.0f} to {:.4g} pictures a second, as the path of {} shows: {}, so "
-          "its "
-          "times "
-          "are off by {:.0f} ms (1 sigma): {}give the film as the camera recorded it",
+          "its times are off by {:.0f} ms (1 sigma): {}give the film as the camera recorded it",
           which, mistake.source_hz, mistake.shown_hz, target.name,
           repeats > 1 ? "pictures are shown repeatedly" : "pictures were dropped at regular places", 1e3 * mistake.size,
           is_whole ? fmt::format("play every: {:.0f} pictures (recording.yaml), or ", std::round(repeats)) : "");
@@ -107,8 +105,7 @@ std::string mistake_text(const view_watch::Mistake& mistake, const object_tracki
     case MistakeKind::exchanged:
       return fmt::format(
           "every two pictures of {} are shown in the wrong order, as the path of {} shows, as by a program that took "
-          "the "
-          "wrong field for the first one (deinterlacing): convert the film again with the other field order",
+          "the wrong field for the first one (deinterlacing): convert the film again with the other field order",
           which, target.name);
     case MistakeKind::delayed:
       return fmt::format(

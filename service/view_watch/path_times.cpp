@@ -99,10 +99,9 @@ class Path {
     for (std::size_t k = 1; k < samples_.size(); ++k)
       steps_s.push_back((samples_[k].stamp_s - samples_[k - 1].stamp_s) /
                         static_cast<double>(samples_[k].number - samples_[k - 1].number));
-    const auto frames = static_cast<double>(samples_.back().number - samples_.front().number);
     usual_step_s_ = calib::median(std::move(steps_s));
     period_s_ = regression_s();
-    span_ = frames;
+    span_ = static_cast<double>(samples_.back().number - samples_.front().number);
     for (const Window& window : windows_) across.push_back(std::abs(window.across_px) / window.sigma_px);
     // The tracker's sigmas contain what lasts, too, which no difference shows.
     const double scale = sigma_of_median * calib::median(std::move(across));

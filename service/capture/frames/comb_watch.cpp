@@ -149,8 +149,7 @@ std::optional<std::string> CombWatch::take_problem() {
   if (!std::exchange(has_problem_, false)) return std::nullopt;
   if (is_mosaic())
     return "is a raw mosaic of colours (Bayer) that is stored as a picture: neighbouring pixels alternate along rows "
-           "and "
-           "columns: store pictures in colour; in a ROS bag give their real encoding, as bayer_rggb8";
+           "and columns: store pictures in colour; in a ROS bag give their real encoding, as bayer_rggb8";
   const std::string mixed =
       "its colours are mixed from both fields, as by a program that took it for progressive (4:2:0), so positions stay "
       "wrong where the target moves: record 4:2:2, or with the interlaced flag (ffmpeg: -flags +ildct+ilme)";

@@ -79,7 +79,7 @@ void ClutterMap::add(const std::vector<TargetView>& views, std::span<const std::
 }
 
 // Half a region more than were seen: Jeffreys' prior of a rate.
-double ClutterMap::expected(const PerCamera& of) {
+double ClutterMap::counted(const PerCamera& of) {
   return of.regions + 0.5 / std::max(1.0, of.sets);
 }
 
@@ -98,7 +98,7 @@ double ClutterMap::log_ratio(std::size_t camera, const color::DiscEvidence& evid
 
 double ClutterMap::expected(std::size_t camera) const {
   const PerCamera& of = cameras_[camera];
-  return expected(of) + of.others_now / (of.sets + 1);
+  return counted(of) + of.others_now / (of.sets + 1);
 }
 
 double ClutterMap::unjudged(std::size_t camera) const {
@@ -116,7 +116,7 @@ double ClutterMap::density(std::size_t camera, const Eigen::Vector2d& px, double
     for (int i = std::max(0, u - reach); i <= std::min(of.columns - 1, u + reach); ++i)
       near += double(of.around[std::size_t(j * of.columns + i)]), ++cells;
   }
-  return near / (cells * cell_px * cell_px) + expected(of) / of.pixels;
+  return near / (cells * cell_px * cell_px) + counted(of) / of.pixels;
 }
 
 }  // namespace huetrack::objects

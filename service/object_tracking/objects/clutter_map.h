@@ -63,7 +63,7 @@ class ClutterMap {
     std::optional<std::vector<Open>> open = {};  // regions of the last add(): not counted yet
   };
   static void count(PerCamera& of, std::span<const Open> regions);
-  static double expected(const PerCamera& of);
+  static double counted(const PerCamera& of);  // regions per set, > 0
   std::vector<PerCamera> cameras_;
 };
 

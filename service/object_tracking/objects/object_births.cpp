@@ -112,8 +112,8 @@ ObjectBirths::Candidate ObjectBirths::weighed(PositionCandidate at, const std::v
   return out;
 }
 
-// Best first, without candidates whose regions belong to better ones; among clutter at most one is
-// the object.
+// Best first, without candidates whose regions belong to better ones; in a room that shares the colour, of one object,
+// without all that are less likely.
 std::vector<ObjectBirths::Candidate> ObjectBirths::candidates(const std::vector<TargetView>& views,
                                                               std::span<const std::vector<color::ColorRegion>> regions,
                                                               std::span<const CoveredDisc> covered,
@@ -154,11 +154,10 @@ std::vector<Birth> ObjectBirths::look(const std::vector<TargetView>& views,
   const auto with_regions = std::ranges::count_if(regions, [](const auto& some) { return !some.empty(); });
   if (with_regions < std::min<std::ptrdiff_t>(2, std::ssize(views)))
     return out;  // no evidence against the candidates either
-  std::vector<Candidate> now = candidates(views, regions, covered, clutter, still, times);
+  now_ = candidates(views, regions, covered, clutter, still, times);
   const double dt = capture::seconds(set_at - before_at_);
-  now_ = now;
   std::vector<Candidate> kept;
-  for (Candidate& c : now) {
+  for (const Candidate& c : now_) {
     const double travel_m = options_.start_speed_m_s * dt;
     const Candidate* earlier = nullptr;
     if (dt > 0 && dt < sighting_tuning.confirmation_s) {
@@ -172,7 +171,7 @@ std::vector<Birth> ObjectBirths::look(const std::vector<TargetView>& views,
     if (earlier != nullptr && !c.is_ambiguous && !earlier->is_ambiguous) {
       out.push_back({earlier->at, c.at, dt, evidence_of_discs(c.at, target_.radius_m)});
     } else {
-      kept.push_back(std::move(c));
+      kept.push_back(c);
     }
   }
   before_ = std::move(kept);

@@ -70,8 +70,8 @@ struct Evidence {
   std::vector<int> chance = {};  // cameras
 };
 
-// Sequential: each sighting updates the prediction of the next, the likeliest first. One that clutter explains better
-// is not the object's. times: the cameras' timing.
+// Sequential: each sighting updates the prediction of the next, the likeliest first. may_be_chance: a sighting whose
+// clutter likelihood exceeds its target likelihood is not used. times: the cameras' timing.
 Evidence evidence_of(ExpectedPlace expected, std::span<const Sighting> sightings, const std::vector<TargetView>& views,
                      double radius_m, const MotionState& times, const ClutterMap& clutter,
                      const StaticClutterMask& still, bool may_be_chance) {
@@ -186,6 +186,7 @@ bool may_be_clutter(const Sighting& s, const ClutterMap& clutter, const StaticCl
 void ObjectExistence::leave_out_chance(const MotionState& state, double power_density,
                                        const std::vector<TargetView>& views, double radius_m, const ClutterMap& clutter,
                                        const StaticClutterMask& still, std::vector<Sighting>& sightings) const {
+  if (!still.is_room_shared()) return;
   const ExpectedPlace at = place_of(state, power_density, sightings);
   const std::vector<int> chance = evidence_of(at, sightings, views, radius_m, state, clutter, still, true).chance;
   std::erase_if(sightings, [&](Sighting& s) {

@@ -49,19 +49,20 @@ class ObjectExistence {
   bool is_sure() const;
   // The last set alone would confirm it.
   bool is_evident() const;
-  // Clutter explains the camera's sighting of the last set better: it is no measurement of this object.
+  // The clutter likelihood of the camera's sighting in the last set exceeds the target likelihood: it is no measurement
+  // of this object.
   bool is_chance(int camera) const { return std::ranges::count(chance_, camera) > 0; }
   double log_odds() const { return evidence_; }
   // Never confirmed, and less likely than when it was found, or at rest for too long. A confirmed one coasts instead.
   bool is_refuted() const;
 
  private:
-  double evidence_ = 0;  // log-odds
-  double at_first_ = 0;  // when it was found; < 0: clutter was likelier, and only a moving object can be confirmed
   struct FirstSeen {
     int camera;
     Eigen::Vector2d px;
   };
+  double evidence_ = 0;  // log-odds
+  double at_first_ = 0;  // when it was found; < 0: clutter was likelier, and only a moving object can be confirmed
   std::vector<FirstSeen> first_ = {};  // per camera, since it was found
   capture::Timestamp found_when_{};
   bool has_moved_ = true;  // by its radius, in two views

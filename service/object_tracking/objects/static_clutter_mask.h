@@ -117,8 +117,9 @@ class StaticClutterMask {
   std::optional<capture::Timestamp> last_at_ = {};
 };
 
-// Radii about a place within which clutter counts. In a room that shares the colour it is everywhere, and is told from
-// other clutter by its very place; elsewhere an object at rest would be its own clutter.
+// Radius about a place within which regions count as its clutter, in radii of the object. A room that shares the colour
+// has clutter everywhere, so only regions at the place itself count. In other rooms this would count an object at rest
+// as clutter.
 inline double near_radii(const StaticClutterMask& still) {
   return still.is_room_shared() ? 1 : object_tracking::sighting_tuning.extent_radii;
 }
