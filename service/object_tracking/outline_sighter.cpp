@@ -151,6 +151,7 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionState& state, c
   sharp.bias_sigma_px = std::sqrt(e.bias_px * e.bias_px + e.bias_share * e.bias_share * radius_px * radius_px +
                                   of.still * new_px2 + e.bias_of_fit * e.bias_of_fit * fit.covariance.trace() / 2 +
                                   one_sided_px * one_sided_px + sighting.hidden_px * sighting.hidden_px);
+  sharp.unmodelled_px = std::sqrt(fit.model_error.trace() / 2);
 
   // An outline outside the gate of prediction or region is another object's edge.
   Eigen::Matrix2d total = spread + sharp.covariance;

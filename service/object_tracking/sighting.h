@@ -54,6 +54,7 @@ struct Sighting {
   Eigen::Matrix2d covariance;                         // px^2, independent in every frame
   double bias_sigma_px = 0;                           // 1 sigma of the bias that stays while the object rests
   double hidden_px = 0;                               // of it, by what hides a part of a disc (DiscFinder)
+  double unmodelled_px = 0;                           // 1 sigma, of an outline: outline::Fit::model_error
   color::DiscEvidence evidence = {};                  // ColorRegion::evidence
   double support = 0;                                 // 0..1, share of the expected disc that has the target's colour
   double radius_px = 0;                               // of the disc of the region's area

@@ -27,7 +27,7 @@ struct EdgeSamplingTuning {
 constexpr EdgeSamplingTuning edge_sampling{};
 
 struct OcclusionTuning {
-  float distinct_sigmas2 = 64;   // squared distance of the background from the object's colour: 8 sigma
+  float distinct_sigmas2 = 64;   // squared distance from the object's colour of what is not the object: 8 sigma
   float nearer2 = 0.5f;          // hidden: squared distance from the background, in that from the object's colour
   float darkest_light = 0.25f;   // the object's colour under any light: from a quarter of its own brightness
   float brightest_light = 1.6f;  // to so much
@@ -111,7 +111,8 @@ HUETRACK_CLONES void make_linear_block(int n, float blue_part, float red_part, f
 
 HUETRACK_CLONES void find_hidden_block(int n, const float* object, float per_light, float per_chroma, Block& of) {
   const float o0 = object[0] * per_light, o1 = object[1] * per_chroma, o2 = object[2] * per_chroma;
-  const float per_object2 = 1 / (o0 * o0 + o1 * o1 + o2 * o2);
+  const float chroma2 = o1 * o1 + o2 * o2;
+  const float per_object2 = 1 / (o0 * o0 + chroma2), per_chroma2 = chroma2 > 0 ? 1 / chroma2 : 0;
   const auto from_object2 = [&](float c0, float c1, float c2) __attribute__((always_inline)) {
     float as = (c0 * o0 + c1 * o1 + c2 * o2) * per_object2;
     as = as < occlusion.darkest_light     ? occlusion.darkest_light
@@ -127,7 +128,12 @@ HUETRACK_CLONES void find_hidden_block(int n, const float* object, float per_lig
     const float d0 = s0 - b0, d1 = s1 - b1, d2 = s2 - b2;
     const float distinct = from_object2(b0, b1, b2) >= occlusion.distinct_sigmas2 ? 1.f : 0.f;
     const float nearer = d0 * d0 + d1 * d1 + d2 * d2 <= occlusion.nearer2 * from_object2(s0, s1, s2) ? 1.f : 0.f;
-    of.hidden[k] = distinct * nearer;
+    // Chroma is proportional to the light of the colour, and white adds none.
+    float as = (s1 * o1 + s2 * o2) * per_chroma2;
+    as = as < 0 ? 0 : as > occlusion.brightest_light ? occlusion.brightest_light : as;
+    const float e1 = s1 - as * o1, e2 = s2 - as * o2;
+    const float other = e1 * e1 + e2 * e2 >= occlusion.distinct_sigmas2 ? 1.f : 0.f;
+    of.hidden[k] = other > 0 ? other : distinct * nearer;
   }
 }
 

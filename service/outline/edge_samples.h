@@ -26,7 +26,7 @@ struct EdgeSamples {
     float offset[block];                          // background's value less what the tone curve makes of its light
     float unsure[block];                          // the background's variance, in variances of a picture
     float trust[block];                           // 0..1
-    float hidden[block];                          // 1: inside the outline this sample would show the background
+    float hidden[block];                          // 1: inside the outline this sample would show something else
     float covered[block];                         // share, when assembled last,
     float off[block];         // and the residual's square in variances after the robust loss, with the residual's sign
     GreyValues seen, behind;  // behind: the background, or a guess
@@ -75,7 +75,8 @@ void read_samples(const Picture& picture, const Background& behind, const EdgeBa
 // that is measured; both 0: light is.
 void make_linear(EdgeSamples& samples, float blue_part, float red_part);
 
-// Sets `hidden`: the value is the background's rather than the object's under any light. object: light, blue, red.
+// Sets `hidden`: the value is the background's rather than the object's under any light, or its chroma is not the
+// object's under any light and with any white added. object: light, blue, red.
 void find_hidden(EdgeSamples& light, const float* object, const PictureNoise& noise);
 
 }  // namespace huetrack::outline

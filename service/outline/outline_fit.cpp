@@ -21,6 +21,7 @@ struct OutlineFitTuning {
   float model_chroma = 1.f;      // grey values, the same of chroma (experiment)
   double max_misfit = 9;         // mean squared residual, in variances
   double min_visible = 0.25;     // share of the edge
+  double alike_share = 0.25;     // of the samples in which what the model does not explain is alike (experiment)
   double max_shift_radii = 0.8;  // of the centre from the start
   double max_growth = 0.35;      // of log size from its prior
   double max_exposure_s = 0.04;  // seconds; longer is not possible at 25 Hz
@@ -47,6 +48,7 @@ struct AppearanceLearningTuning {
   double blur_sigma = 0.05;              // between pictures of one camera; the mean is never known better
   double blur_of_light = 0.6;            // error of one picture's blur by unmodelled light: ten pictures count as one
   double min_exposure_sigma_s = 0.0005;  // seconds
+  double misfit_gain = 1.0 / 16;         // of one picture in the usual misfit: as many as in the background
   double size_sigmas = 2;                // farther from its prior, something hides a part: light is not learnt
 };
 constexpr AppearanceLearningTuning appearance_learning{};
@@ -354,11 +356,19 @@ std::optional<Estimate> OutlineFit::without_prior(int i) const {
   return Estimate{(x_[i] / variance - before * expected_[i]) / of_pixels, std::sqrt(1 / of_pixels + open)};
 }
 
-void OutlineFit::report(Fit& out) const {
+// Standard deviation of the misfit's logarithm: it is a mean of many squares.
+double OutlineFit::misfit_by_chance() const {
+  return std::sqrt(2 / std::max(1.0, sums_.trusted));
+}
+
+void OutlineFit::report(const AppearanceModel& model, Fit& out) const {
   const double worse = std::max(1.0, misfit_);
   out.centre = start_.centre + x_.head<2>();
   out.covariance = worse * place_covariance_.topLeftCorner<2, 2>();
   if (is_light_held_) out.covariance += held_open_.topLeftCorner<2, 2>();
+  const double usual = std::max(1.0, model.usual_misfit) * (1 + 2 * misfit_by_chance());  // 98 %
+  out.model_error = std::max(0.0, misfit_ - usual) * outline_fit.alike_share * sums_.trusted *
+                    place_covariance_.topLeftCorner<2, 2>();
   out.bound =
       (is_light_held_ ? held_normal_.topLeftCorner<2, 2>().eval() : normal_.topLeftCorner<2, 2>().eval()).inverse();
   if (const auto size = without_prior(size_)) {
@@ -408,13 +418,13 @@ Fit OutlineFit::fit(const Picture& picture, const Background& behind, const Elli
     held_open_ = model.promise->open;
     Fit held = out;
     if (iterate(model, options, held) && is_as_promised(model)) {
-      report(held);
+      report(model, held);
       if (held.outcome == FitOutcome::fits) return held;
     }
     is_light_held_ = false;
     trust_all();
   }
-  if (iterate(model, options, out)) report(out);
+  if (iterate(model, options, out)) report(model, out);
   return out;
 }
 
@@ -460,7 +470,7 @@ bool OutlineFit::iterate(const AppearanceModel& model, const FitOptions& options
 
 // Little is hidden, and misfit and size are as the last full fit promised, within chance.
 bool OutlineFit::is_as_promised(const AppearanceModel& model) const {
-  const double by_chance = 1 + held_light.chance_sigmas * std::sqrt(2 / std::max(1.0, sums_.trusted));
+  const double by_chance = 1 + held_light.chance_sigmas * misfit_by_chance();
   return visible_ >= held_light.min_visible &&
          misfit_ <= std::min(held_light.max_misfit, model.promise->misfit) * by_chance && !has_other_size();
 }
@@ -476,7 +486,16 @@ bool OutlineFit::has_other_size() const {
   return off * off * information_(size_, size_) > appearance_learning.size_sigmas * appearance_learning.size_sigmas;
 }
 
+// What touches the ball raises the misfit and is not learnt.
+void OutlineFit::learn_usual_misfit(AppearanceModel& model) const {
+  if (visible_ < held_light.min_visible || has_other_size()) return;
+  if (model.usual_misfit == 0) model.usual_misfit = misfit_;
+  if (misfit_ > model.usual_misfit * (1 + held_light.chance_sigmas * misfit_by_chance())) return;
+  model.usual_misfit += appearance_learning.misfit_gain * (misfit_ - model.usual_misfit);
+}
+
 bool OutlineFit::learn(AppearanceModel& model) const {
+  learn_usual_misfit(model);
   if (is_light_held_) return false;
   model.exposure_s = {x_[exposure_], std::max(appearance_learning.min_exposure_sigma_s,
                                               std::sqrt(std::max(0.0, equations_.covariance()(exposure_, exposure_))))};

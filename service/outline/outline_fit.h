@@ -67,6 +67,7 @@ struct AppearanceModel {
     Eigen::Matrix3d open;  // covariance of place and log size that is due to what is held when the light is
     double misfit = 1;
   };
+  double usual_misfit = 0;         // of fits in which nothing seems hidden; 0: not known yet
   std::optional<Promise> promise;  // nullopt: the next picture is fitted with all unknowns
 };
 
@@ -92,10 +93,12 @@ struct Fit {
   FitOutcome outcome = FitOutcome::unknown;
   Eigen::Vector2d centre = Eigen::Vector2d::Zero();          // of the ellipse, in the row where it lies
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Identity();  // px^2, of noise and nuisances
-  Eigen::Matrix2d bound = Eigen::Matrix2d::Identity();       // px^2, if all but the centre were known
-  Estimate log_size;                                         // by the pixels alone, without its prior
-  double misfit = 0;                                         // mean squared residual in variances
-  double visible = 0;                                        // share of the edge that counted
+  // px^2, errors alike in many samples, which `covariance` averages: by how much the misfit is above the view's usual.
+  Eigen::Matrix2d model_error = Eigen::Matrix2d::Zero();
+  Eigen::Matrix2d bound = Eigen::Matrix2d::Identity();  // px^2, if all but the centre were known
+  Estimate log_size;                                    // by the pixels alone, without its prior
+  double misfit = 0;                                    // mean squared residual in variances
+  double visible = 0;                                   // share of the edge that counted
   bool is_light_held = false;
   int steps = 0, pixels = 0;
 };
@@ -136,7 +139,9 @@ class OutlineFit {
   std::optional<Estimate> without_prior(int unknown) const;
   HeldNormal held_information() const;
   Eigen::Matrix3d left_open() const;
-  void report(Fit& out) const;
+  double misfit_by_chance() const;
+  void learn_usual_misfit(AppearanceModel& model) const;
+  void report(const AppearanceModel& model, Fit& out) const;
 
   Ellipse start_;
   Movement movement_;

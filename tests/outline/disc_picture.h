@@ -20,6 +20,7 @@ struct DiscScene {
   double shear_px = 0;  // rolling shutter: motion along u per row
   bool has_disc = true;
   int pillar_from = -1;  // columns from here on occlude the disc
+  int finger_from = -1;  // the same by a finger of nearly its colour, which is not background
   double noise = 1;      // grey values
   double light = 1;      // of the room
   double gain = 1;       // of everything: the exposure
@@ -78,8 +79,10 @@ class DiscPicture {
     const double lit = 1 + 0.3 * x - 0.2 * y + scene.bent * (x + y) * z;  // from one side
     const double glint = scene.glint * std::exp(-18 * ((x - 0.6) * (x - 0.6) + (y + 0.5) * (y + 0.5)));
     const double object[3] = {0.10, 0.45, 0.03}, behind[3] = {1.04 * room, room, 0.92 * room};
+    const double finger[3] = {0.22, 0.42, 0.05};
+    const bool is_finger = scene.has_disc && scene.finger_from >= 0 && u >= scene.finger_from;
     for (int c = 0; c < 3; ++c) {
-      const double light = cover * (lit * object[c] + glint) + (1 - cover) * behind[c];
+      const double light = is_finger ? finger[c] : cover * (lit * object[c] + glint) + (1 - cover) * behind[c];
       rgb[c] = 255 * grey(std::clamp(scene.gain * light, 0.0, 1.0));
     }
   }

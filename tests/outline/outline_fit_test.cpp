@@ -171,6 +171,27 @@ TEST_F(HeldLightTest, IsAsAccurateAsAFitOfAllUnknowns) {
   EXPECT_LT(std::sqrt(held2), 1.5 * std::sqrt(all2));
 }
 
+// A finger over the right half of the disc is neither the disc nor the background.
+TEST_F(HeldLightTest, AFingerIsNotTheDisc) {
+  learn_appearance({});
+  for (int i = 0; i < 10; ++i) {
+    const Fit f = next({.finger_from = 62}, true);
+    ASSERT_EQ(f.outcome, FitOutcome::fits);
+    EXPECT_LT(off_.norm(), 0.3) << off_.transpose();
+    EXPECT_LT(f.visible, 0.75);
+  }
+}
+
+// What the model does not explain is an error beside that of the pixels' noise.
+TEST_F(HeldLightTest, StatesWhatItDoesNotExplain) {
+  learn_appearance({});
+  double whole = 0, touched = 0;
+  for (int i = 0; i < 10; ++i) whole += next({}, true).model_error.trace() / 10;
+  for (int i = 0; i < 10; ++i) touched += next({.noise = 4}, true).model_error.trace() / 10;
+  EXPECT_LT(whole, 1e-4);
+  EXPECT_GT(touched, 10 * whole + 1e-3);
+}
+
 TEST_F(HeldLightTest, CovarianceContainsWhatIsHeld) {
   learn_appearance({.radius_px = 5, .noise = 3});
   const unsigned picture = count_;

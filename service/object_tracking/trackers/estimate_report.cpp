@@ -33,12 +33,13 @@ bool add_support(const TargetView& view, const ToReport& in, ObjectEstimate& est
 }  // namespace
 
 double hidden_error(std::span<const Sighting> sightings) {
-  double missing = 0, weights = 0;
+  double radii = 0, weights = 0;
   for (const Sighting& s : sightings) {
     const double weight = 1 / (s.covariance.trace() / 2 + s.bias_sigma_px * s.bias_sigma_px + s.inflation_px2);
-    missing += weight * s.missing, weights += weight;
+    const double unmodelled = s.radius_px > 0 ? s.unmodelled_px / s.radius_px : 0;
+    radii += weight * std::hypot(sighting_tuning.cut_error * s.missing, unmodelled), weights += weight;
   }
-  return weights > 0 ? sighting_tuning.cut_error * missing / weights : 0;
+  return weights > 0 ? radii / weights : 0;
 }
 
 ObjectEstimate without_position(const capture::FrameSet& set, const TargetViews& views, const ObjectFilter& filter,
