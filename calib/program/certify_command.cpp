@@ -130,22 +130,20 @@ Ends ends_of(const CertifyOptions& o, const config::ServiceConfig& config, bool 
     require_one_object(first, o.config, "one ball is put on marked places");
   } else if (given == 1) {
     if (first.count != 2)
-      throw gather::InputError(fmt::format(
-          "{0}: {1} has count: {2}, and a bar has two balls: if both have its colour, count: 2; if not, name the other "
-          "one's target, too (--target {1} --target OTHER)",
-          o.config, first.name, first.count));
+      throw gather::InputError(
+          fmt::format("{0}: {1} has count: {2}, and a bar has two balls: if both have its colour, count: 2; if not, "
+                      "name the other one's target, too (--target {1} --target OTHER)",
+                      o.config, first.name, first.count));
     ends.is_one_color = true;
   } else if (ends.targets[0] == ends.targets[1]) {
-    throw gather::InputError(
-        fmt::format("--target: {0} is given twice. A bar with two balls of its colour is --target {0}, once, with "
-                    "count: 2 in {1}",
-                    ends.targets[0], o.config));
+    throw gather::InputError(fmt::format(
+        "--target: {0} is given twice. A bar with two balls of its colour is --target {0}, once, with count: 2 in {1}",
+        ends.targets[0], o.config));
   } else {
     for (const std::string& name : ends.targets)
-      require_one_object(target_of(config, o.config, name), o.config,
-                         "two targets are for a bar with two colours (for one colour name only one: "
-                         "--target " +
-                             name + ")");
+      require_one_object(
+          target_of(config, o.config, name), o.config,
+          "two targets are for a bar with two colours (for one colour name only one: --target " + name + ")");
   }
   return ends;
 }
@@ -167,8 +165,7 @@ std::string why_no_length(const report::OneColorTally& tally, const std::string&
   if (!tally.bar.others.empty())
     return fmt::format(
         "the two objects of {} are {:.0f} to {:.0f} mm apart, but the bar has {:.0f} mm: is --length-mm right (between "
-        "the "
-        "centres of its balls), and is nothing else of that colour in the room?",
+        "the centres of its balls), and is nothing else of that colour in the room?",
         target, 1e3 * tally.bar.others.front().least_m, 1e3 * tally.bar.others.front().most_m, 1e3 * tally.length_m);
   if (tally.bar.with_third > 0)
     return "there is a third object of the colour of " + target + " throughout: remove it and record anew";

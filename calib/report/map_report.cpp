@@ -69,9 +69,9 @@ MapReport map_report(const calib::CameraRig& rig, const solver::VolumeAccuracy& 
                         "calibration is missing here."));
   if (map.covered > 0) {
     document.heading("Where in the volume");
-    document.figure(slices_figure(values_of(map), "unseen", 0,
-                                  "Slices from above, x to the right and y up: the expected error. Grey: "
-                                  "fewer than two cameras see it."));
+    document.figure(slices_figure(
+        values_of(map), "unseen", 0,
+        "Slices from above, x to the right and y up: the expected error. Grey: fewer than two cameras see it."));
     document.table(by_views(map, rig.cameras.size()));
   }
   std::vector<PlaceOnPlan> marked;

@@ -102,9 +102,7 @@ std::string to_text(const CalibrationReport& report) {
     const auto size = v.box.high - v.box.low;
     out += fmt::format(
         "\nExpected accuracy in {:.2f} x {:.2f} x {:.2f} m, which is x {:.2f} to {:.2f}, y {:.2f} to {:.2f}, z {:.2f} "
-        "to {:.2f} of "
-        "the world: {:.2f} mm by the calibration (95 % of the volume: {:.2f} "
-        "mm);\n"
+        "to {:.2f} of the world: {:.2f} mm by the calibration (95 % of the volume: {:.2f} mm);\n"
         "{:.2f} mm ({:.2f} mm) for an object whose centre is seen to {:.1f} px. Two or more cameras see {:.0f} % of "
         "it.\n",
         size.x(), size.y(), size.z(), v.box.low.x(), v.box.high.x(), v.box.low.y(), v.box.high.y(), v.box.low.z(),

@@ -52,20 +52,19 @@ void add_repeats(const pipeline::CameraFigures& camera, const pipeline::CameraFi
   if (out.health == publish::CameraStatus::Health::delivering && lasting > stalled_after) {
     out.health = publish::CameraStatus::Health::stalled;
     out.message = fmt::format(
-        "it has repeated one picture for {:.1f} s: the camera, its driver or its cable hangs: restart it, or "
-        "plug it in anew",
+        "it has repeated one picture for {:.1f} s: the camera, its driver or its cable hangs: restart it, or plug it "
+        "in anew",
         capture::seconds(lasting));
   } else if (!camera.has_changed && camera.frames >= frames_of_one_picture) {
     warnings.push_back(
         fmt::format("camera {}: it has repeated one picture since the start: it hangs, or its lens is covered: restart "
-                    "it, or clear "
-                    "its view",
+                    "it, or clear its view",
                     out.name));
   } else if (5 * times > frames) {  // each picture several times
-    warnings.push_back(fmt::format(
-        "camera {}: it repeats its pictures: {} of its {} frames were not used: set fps to the rate at which it really "
-        "takes pictures",
-        out.name, camera.repeated, camera.frames));
+    warnings.push_back(
+        fmt::format("camera {}: it repeats its pictures: {} of its {} frames were not used: set fps to the rate at "
+                    "which it really takes pictures",
+                    out.name, camera.repeated, camera.frames));
   }
 }
 

@@ -113,8 +113,7 @@ struct CameraHost::Impl {
       if (!participant.is_access_controlled()) throw;
       looked_for = nullptr;
       refusal = std::string(
-                    "its matches cannot be sent (send: matches of a tracker), because this host's keys are too "
-                    "old: ") +
+                    "its matches cannot be sent (send: matches of a tracker), because this host's keys are too old: ") +
                 new_keys + error.what();
     }
     try {
@@ -124,8 +123,8 @@ struct CameraHost::Impl {
       if (!participant.is_access_controlled()) throw;
       if (refusal.empty())
         refusal = std::string(
-                      "trackers cannot fit outlines with its matches (send: matches), because this host's keys "
-                      "are too old: ") +
+                      "trackers cannot fit outlines with its matches (send: matches), because this host's keys are too "
+                      "old: ") +
                   new_keys + error.what();
     }
     clock = std::jthread([this](const std::stop_token& stop) { answer_clock_probes(stop); });

@@ -164,8 +164,8 @@ Pictures recorded_pictures(const config::ServiceConfig& config, std::span<const 
         !take_picture(*frame, own_picture_of(*frame))) {  // with send: matches
       if (const auto it = wanted.find(frame->camera); it != wanted.end() && it->second == number)
         throw std::runtime_error(
-            fmt::format("{}: frame {} of camera {} has no picture, only matches: with "
-                        "send: matches, take a frame with a picture (every picture_every_s)",
+            fmt::format("{}: frame {} of camera {} has no picture, only matches: with send: matches, take a frame with "
+                        "a picture (every picture_every_s)",
                         recording.file.string(), number, names[c]));
       continue;
     }
@@ -224,10 +224,9 @@ capture::FrameSet live_pictures(const config::ServiceConfig& config, const std::
       break;
     }
     if (!set.frames[std::size_t(camera.camera)] && it != wanted.end())
-      throw std::runtime_error(
-          fmt::format("camera {} gave no such frame within 10 s; is it in use by a running huetrackd? Then teach on "
-                      "the page",
-                      config.rig.cameras[std::size_t(camera.camera)].name));
+      throw std::runtime_error(fmt::format(
+          "camera {} gave no such frame within 10 s; is it in use by a running huetrackd? Then teach on the page",
+          config.rig.cameras[std::size_t(camera.camera)].name));
   }
   return set;
 }
@@ -333,8 +332,8 @@ bool is_worth_writing(const color_teaching::Lesson& lesson, const TeachCommand& 
       fmt::format("the object's place is not confirmed in {}", fmt::join(lesson.unconfirmed, ", "));
   if (!command.only && !command.dry_run) {
     fmt::print(stderr,
-               "huetrackd: nothing is saved: {}. Confirm it with the --at above, accept the suggestions with "
-               "--accept, or save without with --only\n",
+               "huetrackd: nothing is saved: {}. Confirm it with the --at above, accept the suggestions with --accept, "
+               "or save without with --only\n",
                where);
     return false;
   }

@@ -157,10 +157,8 @@ std::optional<std::string> problem_of_rows(const RecordedCamera& camera, std::in
   if (missing == 0 || missing != film_frames - count) return std::nullopt;
   return fmt::format(
       "{} has {} rows, and leaves out {} in its times, first before row {}; the film has {} frames, which is as many "
-      "as "
-      "with those: from there on, rows stand for other frames: number the rows by the film's frames; if they are "
-      "right, "
-      "add {}",
+      "as with those: from there on, rows stand for other frames: number the rows by the film's frames; if they are "
+      "right, add {}",
       camera.times_file.filename().string(), count, missing == 1 ? "a frame" : fmt::format("{} frames", missing), first,
       film_frames, how_to_confirm);
 }
@@ -280,8 +278,8 @@ std::optional<NumbersProblem> problem_of_numbers(const RecordedCamera& camera, s
   const std::string name = camera.times_file.filename().string();
   if (!has_a_row_a_file)
     return NumbersProblem{
-        fmt::format("numbers are missing before {}, but a glob counts files, and {} has {} rows for {} "
-                    "files: give a pattern, like img%d.jpg; if the rows are right, add {}",
+        fmt::format("numbers are missing before {}, but a glob counts files, and {} has {} rows for {} files: give a "
+                    "pattern, like img%d.jpg; if the rows are right, add {}",
                     before, name, rows.size(), files.size(), how_to_confirm)};
   if (has_gaps && are_counted) return std::nullopt;
   if (has_gaps)
@@ -290,9 +288,8 @@ std::optional<NumbersProblem> problem_of_numbers(const RecordedCamera& camera, s
                                       name, before),
                           true};
   return NumbersProblem{
-      fmt::format("numbers are missing before {}, but {} has a row for every file, and goes on evenly "
-                  "there: if pictures are missing, its times are too early from there on; if none is "
-                  "missing, add {}",
+      fmt::format("numbers are missing before {}, but {} has a row for every file, and goes on evenly there: if "
+                  "pictures are missing, its times are too early from there on; if none is missing, add {}",
                   before, name, how_to_confirm)};
 }
 
@@ -361,8 +358,7 @@ void TimesBesideFilm::report_rate(double stated_s, double film_s, std::string_vi
   has_problem_ = true;
   problems_.push_back(
       fmt::format("{0} says {1:.4g}, but the file itself {2:.4g} frames a second: if the file is right, {3} {4}{5}; if "
-                  "{4} is right "
-                  "(slow motion, a wrong header), add {6}",
+                  "{4} is right (slow motion, a wrong header), add {6}",
                   name_, 1 / stated_s, 1 / film_s, remedy, key_, remedy == leave_out ? " out" : "", how_to_confirm));
 }
 

@@ -72,17 +72,15 @@ std::vector<fs::path> stream_parts(const fs::path& frames, std::vector<std::stri
     const auto span = time_span_of(parts[i]);
     if (span && before &&
         (span->from_s > before->to_s + longest_break_s || span->from_s < before->to_s - longest_overlap_s))
-      throw files::ConfigError(
-          parts[i], 0,
-          fmt::format("begins at {:.1f} s by its time stamps, and {} ends at {:.1f} s: these are several "
-                      "takes, not the parts of one: put the parts of one take into a folder of their own; if its clock "
-                      "begins anew in every part, {}",
-                      span->from_s, parts[i - 1].filename().string(), before->to_s, how_to_join));
+      throw files::ConfigError(parts[i], 0,
+                               fmt::format("begins at {:.1f} s by its time stamps, and {} ends at {:.1f} s: these are "
+                                           "several takes, not the parts of one: put the parts of one take into a "
+                                           "folder of their own; if its clock begins anew in every part, {}",
+                                           span->from_s, parts[i - 1].filename().string(), before->to_s, how_to_join));
     if (span && before && span->from_s > before->to_s + longest_overlap_s)
       warnings.push_back(
           fmt::format("{}: begins {:.2f} s after {} ends, by their time stamps: a part is missing between them; give "
-                      "neither fps nor "
-                      "timestamps, so that later pictures keep their times",
+                      "neither fps nor timestamps, so that later pictures keep their times",
                       parts[i].string(), span->from_s - before->to_s, parts[i - 1].filename().string()));
     before = span;
   }
