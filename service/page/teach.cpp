@@ -16,6 +16,7 @@
 #include <thread>
 
 #include "calib/files/config_error.h"
+#include "calib/files/joined.h"
 #include "calib/files/nearest_word.h"
 #include "color_teaching/lesson.h"
 #include "color_teaching/spread_moments.h"
@@ -50,15 +51,14 @@ int camera_of(const calib::CameraRig& rig, const std::string& name) {
 }
 
 const object_tracking::TargetOptions& target_of(const config::ServiceConfig& config, const std::string& name) {
-  std::vector<std::string> names;
-  for (const auto& target : config.targets) names.push_back(target.name);
-  if (name.empty() && names.size() > 1)
-    throw std::runtime_error(fmt::format("which target? Give --target with one of: {}", fmt::join(names, ", ")));
+  const std::string names = files::joined(config.target_names());
+  if (name.empty() && config.targets.size() > 1)
+    throw std::runtime_error("which target? Give --target with one of: " + names);
   const auto target = name.empty() ? config.targets.begin()
                                    : std::ranges::find(config.targets, name, &object_tracking::TargetOptions::name);
   if (target == config.targets.end())
     throw std::runtime_error(
-        fmt::format("there is no target {} in {}, which has {}", name, config.file.string(), fmt::join(names, ", ")));
+        fmt::format("there is no target {} in {}, which has {}", name, config.file.string(), names));
   return *target;
 }
 

@@ -12,6 +12,7 @@ extern "C" {
 #include <utility>
 
 #include "calib/files/config_error.h"
+#include "calib/files/median.h"
 #include "calib/files/text_file.h"
 #include "calib/yaml/yaml_reader.h"
 #include "recordings/bags/camera_topics.h"
@@ -177,12 +178,7 @@ void BagPictures::measure_period() {
   const std::vector<std::int64_t>& times = is_stamped_ ? stamped : logged;
   for (std::size_t i = 1; i < times.size(); ++i) steps.push_back(times[i] - times[i - 1]);
   if (steps.empty()) return;
-  std::ranges::nth_element(steps, steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2));
-  period_ = capture::Duration(std::max<std::int64_t>(0, steps[steps.size() / 2]));
-}
-
-void BagPictures::warn(const std::string& text) {
-  warnings_.push_back(camera_.frames.string() + ": " + camera_.topic + ": " + text);
+  period_ = capture::Duration(std::max<std::int64_t>(0, files::median(std::move(steps))));
 }
 
 // header.stamp, or when it was recorded

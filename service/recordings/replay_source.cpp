@@ -14,6 +14,7 @@
 
 #include "calib/files/config_error.h"
 #include "calib/files/file_order.h"
+#include "calib/files/median.h"
 #include "calib/files/nearest_word.h"
 #include "capture/frames/comb_watch.h"
 #include "capture/frames/crop.h"
@@ -43,10 +44,7 @@ capture::Duration usual_period(const RecordedCamera& camera, const FrameSelectio
     if (before) steps.push_back(at - *before);
     before = at;
   }
-  if (steps.empty()) return capture::Duration::zero();
-  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
-  std::ranges::nth_element(steps, middle);
-  return *middle;
+  return files::median(std::move(steps), capture::Duration::zero());
 }
 
 // camera and warnings must outlive it. throws ConfigError

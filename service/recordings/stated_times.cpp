@@ -7,6 +7,7 @@
 #include <cmath>
 #include <string_view>
 #include <utility>
+#include "calib/files/median.h"
 
 #include "calib/files/csv_table.h"
 
@@ -58,12 +59,7 @@ struct FilmTimesTuning {
 };
 constexpr FilmTimesTuning film_times{};
 
-// values: not empty
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::ranges::nth_element(values, middle);
-  return *middle;
-}
+using files::median;
 
 // Times from one frame of the stream to the next, listed ones.
 std::vector<double> listed_steps_s(const RecordedCamera& camera) {
@@ -407,10 +403,6 @@ void TimesBesideFilm::report_gap(long missing, std::int64_t before) {
       "its own time stamps say that {} missing before frame {}: from there on, {} gives times that are too early: "
       "leave {} out to use the file's time stamps; if these are wrong, add {}",
       missing == 1 ? "a frame is" : fmt::format("{} frames are", missing), before, name_, key_, how_to_confirm));
-}
-
-std::vector<std::string> TimesBesideFilm::take_problems() {
-  return std::exchange(problems_, {});
 }
 
 }  // namespace huetrack::recordings

@@ -9,6 +9,7 @@
 #include <optional>
 #include <utility>
 
+#include "calib/files/nearest_word.h"
 #include "calib/files/config_error.h"
 #include "calib/files/file_order.h"
 #include "capture/ffmpeg/ffmpeg_log.h"
@@ -24,8 +25,7 @@ namespace fs = std::filesystem;
 constexpr double longest_break_s = 1, longest_overlap_s = 0.2;
 
 bool is_transport_stream(const fs::path& file) {
-  std::string ending = file.extension().string();
-  std::ranges::transform(ending, ending.begin(), [](unsigned char c) { return std::tolower(c); });
+  const std::string ending = files::to_lower_ascii(file.extension().string());
   static constexpr std::array endings{".mts", ".m2ts", ".m2t", ".ts"};
   std::error_code error;
   return std::ranges::find(endings, ending) != endings.end() && fs::is_regular_file(file, error);
