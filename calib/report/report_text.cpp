@@ -13,17 +13,10 @@ constexpr std::string_view usable_words = "USABLE: nothing speaks against it",
                            doubtful_words = "DOUBTFUL: ", failed_words = "FAILED: do not use it";
 
 std::string verdict_line(const CalibrationReport& report) {
+  if (report.verdict == Verdict::usable) return std::string(usable_words);
+  if (report.verdict == Verdict::failed) return std::string(failed_words);
   const auto bad = std::ranges::count_if(report.checks, [](const Check& c) { return c.verdict != Verdict::usable; });
-  switch (report.verdict) {
-    case Verdict::usable:
-      return std::string(usable_words);
-    case Verdict::doubtful:
-      return std::string(doubtful_words) + std::to_string(bad) + (bad == 1 ? " thing speaks" : " things speak") +
-             " against it";
-    case Verdict::failed:
-      break;
-  }
-  return std::string(failed_words);
+  return fmt::format("{}{} thing{} against it", doubtful_words, bad, bad == 1 ? " speaks" : "s speak");
 }
 
 }  // namespace

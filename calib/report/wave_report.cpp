@@ -91,22 +91,11 @@ void doubt_scale(WaveReport& report, const WaveResult& result, Reader reader) {
 }
 
 // Says: a source's name in a contradiction.
-std::string witness(const wave::ScaleSource& source) {
-  switch (source.kind) {
-    case Kind::camera_distance:
-      return "the tape between the cameras says";
-    case Kind::rest_distance:
-      return "the distance of the rests says";
-    case Kind::marks:
-      return "the marked points say";
-    case Kind::throws:
-      return "the throws say";
-    case Kind::rig_poses:
-      return "the rig's own poses say";
-    case Kind::ball_size:
-      break;
-  }
-  return "the ball's radius says";
+std::string_view witness(const wave::ScaleSource& source) {
+  static constexpr std::string_view names[] = {
+      "the tape between the cameras says", "the distance of the rests says", "the marked points say", "the throws say",
+      "the rig's own poses say",           "the ball's radius says"};
+  return names[std::size_t(source.kind)];
 }
 
 // Two sources of the scale that contradict one another, in metres of what was measured.

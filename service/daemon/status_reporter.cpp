@@ -17,18 +17,12 @@ constexpr auto stalled_after = 1s;
 constexpr std::uint64_t frames_of_one_picture = 60;
 constexpr auto shortest_rate_window = 500ms;
 
+// The same states, by number; Health::ended is added.
 publish::CameraStatus::Health health_of(capture::CaptureState state) {
-  switch (state) {
-    case capture::CaptureState::waiting:
-      return publish::CameraStatus::Health::waiting;
-    case capture::CaptureState::delivering:
-      return publish::CameraStatus::Health::delivering;
-    case capture::CaptureState::stalled:
-      return publish::CameraStatus::Health::stalled;
-    case capture::CaptureState::absent:
-      break;
-  }
-  return publish::CameraStatus::Health::absent;
+  using Health = publish::CameraStatus::Health;
+  static_assert(int(capture::CaptureState::delivering) == int(Health::delivering) &&
+                int(capture::CaptureState::absent) == int(Health::absent));
+  return Health(state);
 }
 
 double rate(std::uint64_t now, std::uint64_t then, capture::Duration window) {
