@@ -181,10 +181,6 @@ const Value& Section::value(std::string_view key) const {
   return *value;
 }
 
-bool Section::has(std::string_view key) const {
-  return find(key) != nullptr;
-}
-
 std::optional<std::string> Section::first_of(Words words, std::string_view suffix) const {
   for (const std::string_view word : words) {
     for (const std::string_view between : {"", "_"}) {

@@ -12,6 +12,7 @@
 #include <set>
 
 #include "calib/files/median.h"
+#include "calib/files/median.h"
 #include "calib/files/config_error.h"
 
 namespace huetrack::files {

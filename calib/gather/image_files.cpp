@@ -9,6 +9,8 @@
 #include <set>
 #include "calib/files/nearest_word.h"
 #include "calib/files/number_text.h"
+#include "calib/files/nearest_word.h"
+#include "calib/files/number_text.h"
 #include <string>
 
 #include "calib/files/file_order.h"

@@ -45,10 +45,6 @@ double ViewCoverage::CameraCoverage::image_share() const {
          static_cast<double>(corners.size());
 }
 
-int ViewCoverage::CameraCoverage::tilts_seen() const {
-  return static_cast<int>(std::ranges::count_if(tilts, [](int n) { return n > 0; }));
-}
-
 ViewCoverage::ViewCoverage(board::Board board, std::vector<std::string> cameras, std::vector<calib::ImageSize> sizes)
     : board_(std::move(board)), names_(std::move(cameras)), sizes_(std::move(sizes)), cameras_(names_.size()) {}
 

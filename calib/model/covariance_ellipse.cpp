@@ -7,10 +7,6 @@
 
 namespace huetrack::calib {
 
-Eigen::Vector2d CovarianceEllipse::at(double angle) const {
-  return directions * half_axes.cwiseProduct(Eigen::Vector2d(std::cos(angle), std::sin(angle)));
-}
-
 std::vector<Eigen::Vector2d> CovarianceEllipse::ring(int points) const {
   std::vector<Eigen::Vector2d> border;
   border.reserve(static_cast<std::size_t>(std::max(0, points)));
