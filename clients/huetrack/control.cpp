@@ -15,6 +15,7 @@
 #include <stdexcept>
 
 #include "calib/files/output_file.h"
+#include "calib/files/output_file.h"
 #include "calib/files/joined.h"
 #include "calib/files/text_file.h"
 #include "clients/live_view/page_server.h"

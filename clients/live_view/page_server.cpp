@@ -22,6 +22,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <optional>
 #include <mutex>
 #include <set>
 #include <stdexcept>

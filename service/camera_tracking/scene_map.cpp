@@ -89,10 +89,6 @@ class Reader {
 
 }  // namespace
 
-int SceneMap::alive_count() const {
-  return static_cast<int>(std::ranges::count_if(points, [](const MapPoint& p) { return p.alive; }));
-}
-
 void describe(PointView& view, const Pyramid& pyramid) {
   const GreyImage& image = pyramid.level(view.level);
   const Eigen::Vector2d px = to_level(view.px, view.level);

@@ -6,10 +6,6 @@
 
 namespace huetrack::camera_tracking {
 
-double Sweep::fraction(double row) const {
-  return std::clamp(row / last_row - 0.5, -0.75, 0.75);
-}
-
 calib::Rigid3d Sweep::row_from_middle(double row) const {
   const double s = fraction(row);
   return calib::exp(calib::Tangent6d(s * motion + 0.5 * s * s * bend));

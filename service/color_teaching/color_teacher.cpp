@@ -154,10 +154,6 @@ std::string percent(double share) {
 
 }  // namespace
 
-bool Taught::any() const {
-  return std::ranges::any_of(views, &TaughtView::pointed);
-}
-
 ColorTeacher::ColorTeacher(const calib::CameraRig& rig, const capture::FrameSet& set,
                            const std::vector<std::vector<capture::Image>>& others, bool has_poses)
     : rig_(rig),

@@ -6,6 +6,7 @@
 #include <charconv>
 #include <fstream>
 #include "calib/files/output_file.h"
+#include "calib/files/output_file.h"
 #include <system_error>
 
 #include "calib/files/text_file.h"

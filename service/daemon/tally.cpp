@@ -56,8 +56,4 @@ std::vector<TargetSummary> Tally::targets() const {
   return summaries;
 }
 
-Clock::time_point Tally::last_out() const {
-  return std::max(sets_until_, camera_until_);
-}
-
 }  // namespace huetrack::daemon

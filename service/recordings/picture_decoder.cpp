@@ -65,10 +65,6 @@ PictureDecoder::PictureDecoder() {
   capture::take_over_ffmpeg_log();
 }
 
-std::string PictureDecoder::take_problem() {
-  return std::exchange(problem_, {}) + log_.take();
-}
-
 std::optional<capture::Image> PictureDecoder::decode(std::shared_ptr<const std::vector<std::uint8_t>> bytes) {
   take_problem();
   const AVCodecID id = codec_of(*bytes);

@@ -23,6 +23,7 @@ extern "C" {
 #include <system_error>
 #include <utility>
 #include "calib/files/number_text.h"
+#include "calib/files/number_text.h"
 
 #include "calib/files/output_file.h"
 #include "calib/files/text_file.h"

@@ -8,6 +8,7 @@
 #include <string_view>
 #include <utility>
 #include "calib/files/median.h"
+#include "calib/files/median.h"
 
 #include "calib/files/csv_table.h"
 

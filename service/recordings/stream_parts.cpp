@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "calib/files/nearest_word.h"
+#include "calib/files/nearest_word.h"
 #include "calib/files/config_error.h"
 #include "calib/files/file_order.h"
 #include "capture/ffmpeg/ffmpeg_log.h"

@@ -204,8 +204,4 @@ std::vector<std::string> ObjectReport::warnings() const {
   return sentences;
 }
 
-std::vector<std::string> ObjectReport::summary() const {
-  return all(&Finding::ever);
-}
-
 }  // namespace huetrack::reports

@@ -130,10 +130,6 @@ std::vector<std::string> RigReport::summary() const {
   return all;
 }
 
-bool RigReport::has_had_trouble() const {
-  return std::ranges::any_of(events_, is_trouble, &Event::state);
-}
-
 int RigReport::mend(calib::CameraRig& rig) const {
   int moved = 0;
   for (std::size_t c = 0; c < cameras_.size(); ++c) {

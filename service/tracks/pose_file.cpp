@@ -46,8 +46,4 @@ void PoseFileWriter::write(const camera_tracking::CameraEstimate& estimate) {
   if (estimate.state == camera_tracking::PoseState::tracking) file_.write(to_tum_line(estimate));
 }
 
-void PoseFileWriter::flush() {
-  file_.flush();
-}
-
 }  // namespace huetrack::tracks

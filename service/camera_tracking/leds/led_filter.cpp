@@ -253,18 +253,6 @@ std::unique_ptr<LedFilter> LedFilter::huetrack(const calib::Camera& camera, cons
   return std::make_unique<HuetrackLedFilter>(camera, options);
 }
 
-void LedEvidence::add(capture::Timestamp at, int led, bool matched) {
-  flashes_.push_back({at, led, matched});
-}
-
-void LedEvidence::forget(capture::Timestamp before) {
-  while (!flashes_.empty() && flashes_.front().at < before) flashes_.pop_front();
-}
-
-int LedEvidence::matched() const {
-  return static_cast<int>(std::ranges::count(flashes_, true, &Flash::matched));
-}
-
 int LedEvidence::distinct() const {
   std::set<int> leds;
   for (const Flash& s : flashes_)

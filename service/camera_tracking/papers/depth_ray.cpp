@@ -16,10 +16,6 @@ DepthRay::DepthRay(const Eigen::Vector3d& origin, const Eigen::Vector3d& directi
       weight_(static_cast<std::size_t>(bins), 1.0 / bins),
       gained_(static_cast<std::size_t>(bins), 0.0) {}
 
-void DepthRay::begin() {
-  std::ranges::fill(gained_, 0.0);
-}
-
 void DepthRay::add(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, double weight, double sigma_rad) {
   const Eigen::Vector3d between = origin_ - origin;
   const auto nearest = calib::closest_approach(-between, direction_, direction, 2e-5);

@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "particle_filter/resample.h"
 #include "camera_tracking/relocalizer.h"
 
 namespace huetrack::papers {

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "calib/files/nearest_word.h"
+#include "calib/files/nearest_word.h"
 #include "calib/files/config_error.h"
 #include "calib/files/file_order.h"
 #include "recordings/bags/bag_file.h"
