@@ -1,6 +1,5 @@
 #include "calib/certify/certificate.h"
 
-#include <algorithm>
 #include <cmath>
 #include <map>
 #include <set>

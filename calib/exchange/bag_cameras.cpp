@@ -1,6 +1,5 @@
 // ROS bags: the lenses of sensor_msgs/CameraInfo, and the poses that /tf_static has for their frames. An optical frame
 // of ROS (REP 103) has our camera's axes.
-#include <fmt/format.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>

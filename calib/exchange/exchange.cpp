@@ -5,7 +5,6 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include "calib/exchange/exchanged_camera.h"
 #include "calib/files/config_error.h"

@@ -6,10 +6,8 @@
 #include <cmath>
 #include <iterator>
 
-#include "calib/files/config_error.h"
 #include "calib/files/nearest_word.h"
 #include "calib/files/number_text.h"
-#include "calib/files/text_file.h"
 
 namespace huetrack::files {
 namespace {

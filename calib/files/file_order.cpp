@@ -7,13 +7,11 @@
 #include <functional>
 #include <map>
 #include <numeric>
-#include <optional>
 #include <ranges>
 #include <set>
 
-#include "calib/files/median.h"
-#include "calib/files/median.h"
 #include "calib/files/config_error.h"
+#include "calib/files/median.h"
 
 namespace huetrack::files {
 namespace {

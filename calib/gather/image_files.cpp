@@ -2,18 +2,13 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <iterator>
 #include <map>
-#include <optional>
 #include <set>
-#include "calib/files/nearest_word.h"
-#include "calib/files/number_text.h"
-#include "calib/files/nearest_word.h"
-#include "calib/files/number_text.h"
-#include <string>
 
 #include "calib/files/file_order.h"
+#include "calib/files/nearest_word.h"
+#include "calib/files/number_text.h"
 #include "calib/gather/picture_source.h"
 
 namespace huetrack::gather {

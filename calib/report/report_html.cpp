@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <string_view>
 
 #include "calib/report/advice.h"
 #include "calib/report/calibration_report.h"

@@ -1,6 +1,5 @@
 #include "control.h"
 
-#include <fcntl.h>
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -14,9 +13,8 @@
 #include <optional>
 #include <stdexcept>
 
-#include "calib/files/output_file.h"
-#include "calib/files/output_file.h"
 #include "calib/files/joined.h"
+#include "calib/files/output_file.h"
 #include "calib/files/text_file.h"
 #include "clients/live_view/page_server.h"
 #include "clients/live_view/recording_download.h"

@@ -20,16 +20,13 @@
 #include <condition_variable>
 #include <cstring>
 #include <map>
-#include <memory>
-#include <optional>
-#include <optional>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <stdexcept>
 #include <string_view>
 #include <thread>
 #include <utility>
-#include <vector>
 
 #include "clients/live_view/page_files.h"
 #include "clients/live_view/web_sockets.h"

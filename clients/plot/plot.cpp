@@ -12,7 +12,6 @@
 #include "calib/files/output_file.h"
 #include "clients/plot/track_chart.h"
 #include "drawing/markup.h"
-#include "truth/alignment.h"
 
 namespace huetrack::plot {
 namespace {

@@ -1,6 +1,5 @@
 #include "camera_tracking/scene_map.h"
 
-#include <algorithm>
 #include <cstring>
 #include <stdexcept>
 #include <string>

@@ -1,7 +1,6 @@
 #include "camera_tracking/swept_pose.h"
 
 #include <Eigen/Geometry>
-#include <algorithm>
 #include <cmath>
 
 namespace huetrack::camera_tracking {

@@ -1,9 +1,5 @@
 #include "color_teaching/hsi_image.h"
 
-#include <algorithm>
-#include <cmath>
-#include <numbers>
-
 #include "color/image_color.h"
 
 namespace huetrack::color_teaching {

@@ -2,13 +2,10 @@
 
 #include <fmt/format.h>
 
-#include <cerrno>
 #include <charconv>
-#include <fstream>
-#include "calib/files/output_file.h"
-#include "calib/files/output_file.h"
 #include <system_error>
 
+#include "calib/files/output_file.h"
 #include "calib/files/text_file.h"
 #include "calib/model/camera_rig.h"
 #include "calib/yaml/yaml_reader.h"

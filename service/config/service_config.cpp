@@ -4,7 +4,6 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <array>
 #include <cctype>
 #include <charconv>
 #include <cmath>
@@ -12,7 +11,6 @@
 #include <cstdint>
 #include <span>
 #include <string_view>
-#include <utility>
 
 #include "calib/files/nearest_word.h"
 #include "calib/files/number_text.h"
@@ -20,7 +18,6 @@
 #include "calib/model/rig_yaml.h"
 #include "calib/model/usual_lens.h"
 #include "calib/yaml/hints.h"
-#include "calib/yaml/yaml_reader.h"
 #include "capture/network_source.h"
 #include "config/config_check.h"
 #include "config/view_volume.h"

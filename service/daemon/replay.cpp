@@ -5,10 +5,8 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <iterator>
-#include <memory>
 #include <mutex>
 #include <stdexcept>
 #include <thread>

@@ -7,7 +7,6 @@
 #include <functional>
 #include <iterator>
 #include <numbers>
-#include <utility>
 
 #include "capture/timing/capture_clock.h"
 #include "daemon/reloader.h"

@@ -1,7 +1,5 @@
 #include "daemon/tally.h"
 
-#include <algorithm>
-
 namespace huetrack::daemon {
 
 using Clock = std::chrono::steady_clock;

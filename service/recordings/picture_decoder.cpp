@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <opencv2/imgcodecs.hpp>
 #include <string_view>
-#include <utility>
 
 namespace huetrack::recordings {
 namespace {

@@ -11,7 +11,6 @@
 #include "calib/files/csv_table.h"
 #include "calib/files/number_text.h"
 #include "calib/files/text_file.h"
-#include "calib/yaml/yaml_reader.h"
 #include "recordings/bag_pictures.h"
 #include "recordings/bags/bag.h"
 

@@ -21,10 +21,8 @@ extern "C" {
 #include <span>
 #include <stdexcept>
 #include <system_error>
-#include <utility>
-#include "calib/files/number_text.h"
-#include "calib/files/number_text.h"
 
+#include "calib/files/number_text.h"
 #include "calib/files/output_file.h"
 #include "calib/files/text_file.h"
 #include "capture/ffmpeg/ffmpeg_log.h"

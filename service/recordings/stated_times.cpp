@@ -5,12 +5,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <string_view>
-#include <utility>
-#include "calib/files/median.h"
-#include "calib/files/median.h"
 
 #include "calib/files/csv_table.h"
+#include "calib/files/median.h"
 
 namespace huetrack::recordings {
 namespace {

@@ -4,15 +4,12 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <cmath>
 #include <optional>
-#include <utility>
 
-#include "calib/files/nearest_word.h"
-#include "calib/files/nearest_word.h"
 #include "calib/files/config_error.h"
 #include "calib/files/file_order.h"
+#include "calib/files/nearest_word.h"
 #include "capture/ffmpeg/ffmpeg_log.h"
 #include "capture/ffmpeg/ffmpeg_objects.h"
 #include "recordings/recording.h"

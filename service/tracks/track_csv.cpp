@@ -1,7 +1,6 @@
 #include "tracks/track_csv.h"
 
 #include <cmath>
-#include <cstdlib>
 #include <optional>
 
 #include "calib/files/csv_table.h"

@@ -1,7 +1,6 @@
 #include "camera_tracking/leds/led_filter.h"
 
 #include <Eigen/Eigenvalues>
-#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <map>

@@ -1,6 +1,5 @@
 #include "camera_tracking/papers/depth_ray.h"
 
-#include <algorithm>
 #include <cmath>
 
 #include "calib/model/closest_approach.h"

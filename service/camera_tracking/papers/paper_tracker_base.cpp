@@ -2,11 +2,10 @@
 
 #include <Eigen/LU>
 #include <algorithm>
-#include <stdexcept>
 #include <string>
 
-#include "particle_filter/resample.h"
 #include "camera_tracking/relocalizer.h"
+#include "particle_filter/resample.h"
 
 namespace huetrack::papers {
 

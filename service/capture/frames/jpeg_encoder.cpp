@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <csetjmp>
-#include <cstdio>
 #include <cstdlib>
 
 // clang-format off

@@ -2,16 +2,13 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <fstream>
 #include <string_view>
-#include <tuple>
 #include <utility>
 
-#include "calib/files/nearest_word.h"
-#include "calib/files/nearest_word.h"
 #include "calib/files/config_error.h"
 #include "calib/files/file_order.h"
+#include "calib/files/nearest_word.h"
 #include "recordings/bags/bag_file.h"
 #include "recordings/bags/decompress.h"
 
