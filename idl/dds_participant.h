@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "idl/participant_options.h"
+#include "idl/topics.h"
 
 namespace huetrack::idl {
 
@@ -78,6 +79,11 @@ class DdsParticipant {
                                                     const eprosima::fastdds::dds::DataReaderQos& qos,
                                                     std::optional<std::uint32_t> largest = {}) {
     return create_reader(topic, eprosima::fastdds::dds::TypeSupport(new Type), qos, largest);
+  }
+  // Writer of a ROS 2 topic; type_hash: of topics.h.
+  template <typename Type>
+  eprosima::fastdds::dds::DataWriter& create_ros2_writer(const std::string& topic, const char* type_hash) {
+    return create_writer<Type>(topic, ros2_writer_qos(), ros2_user_data(type_hash));
   }
 
   // Call it about once a second. True if the host's addresses have changed and were the same in two consecutive calls:

@@ -103,42 +103,6 @@ constexpr std::uint32_t liveliness_lease_s = 1;
 
 }  // namespace
 
-std::string ros2_pose_topic(std::string_view target) {
-  return "rt/huetrack/" + std::string(target) + "/pose";
-}
-
-std::string ros2_poses_topic(std::string_view target) {
-  return "rt/huetrack/" + std::string(target) + "/poses";
-}
-
-std::string ros2_image_topic(std::string_view camera) {
-  return "rt/huetrack/" + std::string(camera) + "/image/compressed";
-}
-
-std::string ros2_camera_info_topic(std::string_view camera) {
-  return "rt/huetrack/" + std::string(camera) + "/camera_info";
-}
-
-std::string ros2_camera_pose_topic(std::string_view camera) {
-  return "rt/huetrack/camera/" + std::string(camera) + "/pose";
-}
-
-std::string camera_frames_topic(std::string_view host, std::string_view camera) {
-  return "huetrack/frames/" + std::string(host) + "/" + std::string(camera);
-}
-
-std::string camera_matches_topic(std::string_view host) {
-  return "huetrack/matches/" + std::string(host);
-}
-
-std::string camera_outlines_topic(std::string_view host) {
-  return "huetrack/outlines/" + std::string(host);
-}
-
-std::string ros2_user_data(std::string_view type_hash) {
-  return "typehash=" + std::string(type_hash) + ";";
-}
-
 PublisherIdentity PublisherIdentity::of_this_process(std::vector<std::string> targets) {
   std::array<char, 256> host{};
   if (::gethostname(host.data(), host.size() - 1) != 0) host[0] = '?';

@@ -40,22 +40,40 @@ inline constexpr const char* clock_probe_topic = "huetrack/clock_probe";  // hue
 inline constexpr const char* clock_echo_topic = "huetrack/clock_echo";    // huetrack::msg::ClockEcho
 inline constexpr const char* host_clocks_topic = "huetrack/host_clocks";  // huetrack::msg::HostClocks, keyed
 inline constexpr const char* looked_for_topic = "huetrack/looked_for";    // huetrack::msg::LookedForColors, keyed
-std::string camera_frames_topic(std::string_view host, std::string_view camera);  // huetrack::msg::CameraFrame
-std::string camera_matches_topic(std::string_view host);                          // huetrack::msg::CameraMatches
-std::string camera_outlines_topic(std::string_view host);                         // huetrack::msg::ExpectedOutlines
+// huetrack::msg::CameraFrame
+inline std::string camera_frames_topic(const std::string& host, const std::string& camera) {
+  return "huetrack/frames/" + host + "/" + camera;
+}
+// huetrack::msg::CameraMatches, huetrack::msg::ExpectedOutlines
+inline std::string camera_matches_topic(const std::string& host) {
+  return "huetrack/matches/" + host;
+}
+inline std::string camera_outlines_topic(const std::string& host) {
+  return "huetrack/outlines/" + host;
+}
 
 // ROS 2, types of ros2_messages.idl. A ROS 2 topic /x is the DDS topic rt/x.
 inline constexpr const char* ros2_tf_topic = "rt/tf";  // tf2_msgs/msg/TFMessage
-std::string ros2_pose_topic(
-    std::string_view target);  // rt/huetrack/<target>/pose: geometry_msgs/msg/PoseWithCovarianceStamped
-std::string ros2_poses_topic(std::string_view target);        // rt/huetrack/<target>/poses: geometry_msgs/msg/PoseArray
-std::string ros2_camera_pose_topic(std::string_view camera);  // rt/huetrack/camera/<camera>/pose: the same type
+// geometry_msgs/msg/PoseWithCovarianceStamped, PoseArray, and the first one again
+inline std::string ros2_pose_topic(const std::string& target) {
+  return "rt/huetrack/" + target + "/pose";
+}
+inline std::string ros2_poses_topic(const std::string& target) {
+  return "rt/huetrack/" + target + "/poses";
+}
+inline std::string ros2_camera_pose_topic(const std::string& name) {
+  return "rt/huetrack/camera/" + name + "/pose";
+}
 
 inline constexpr const char* ros2_tf_static_topic = "rt/tf_static";       // tf2_msgs/msg/TFMessage, transient local
 inline constexpr const char* ros2_markers_topic = "rt/huetrack/markers";  // visualization_msgs/msg/MarkerArray
-std::string ros2_image_topic(std::string_view camera);  // rt/huetrack/<camera>/image/compressed: CompressedImage
-std::string ros2_camera_info_topic(
-    std::string_view camera);  // rt/huetrack/<camera>/camera_info: CameraInfo; of the image's size
+// sensor_msgs/msg/CompressedImage, and CameraInfo of the image's size
+inline std::string ros2_image_topic(const std::string& name) {
+  return "rt/huetrack/" + name + "/image/compressed";
+}
+inline std::string ros2_camera_info_topic(const std::string& name) {
+  return "rt/huetrack/" + name + "/camera_info";
+}
 
 // REP-2011 type hashes, which ROS 2 Iron and later expect in an endpoint's USER_DATA.
 inline constexpr const char* ros2_pose_type_hash =
@@ -70,7 +88,10 @@ inline constexpr const char* ros2_camera_info_type_hash =
     "RIHS01_b3dfd68ff46c9d56c80fd3bd4ed22c7a4ddce8c8348f2f59c299e73118e7e275";
 inline constexpr const char* ros2_markers_type_hash =
     "RIHS01_86cb8800b6fb05b5eff1abd7a56f62a5641d3ae9a1c29e78e67e704f1d067dcf";
-std::string ros2_user_data(std::string_view type_hash);  // "typehash=RIHS01_...;"
+// "typehash=RIHS01_...;"
+inline std::string ros2_user_data(const std::string& type_hash) {
+  return "typehash=" + type_hash + ";";
+}
 
 // USER_DATA of the writers of object_position and camera_pose, readable before the first sample. On camera_pose,
 // targets is the camera's name.

@@ -57,31 +57,14 @@ void sort_corners(std::vector<int>& ids, std::vector<Eigen::Vector2d>& px) {
   for (std::size_t k = 0; k < ids.size(); ++k) std::tie(ids[k], px[k]) = corners[k];
 }
 
-int Board::corner_columns() const {
-  return type == BoardType::aruco_grid ? 0 : type == BoardType::charuco ? columns - 1 : columns;
-}
-
-int Board::corner_rows() const {
-  return type == BoardType::aruco_grid ? 0 : type == BoardType::charuco ? rows - 1 : rows;
-}
-
 int Board::side_point_count() const {
   return type == BoardType::aruco_grid ? 4 * marker_count() : corner_columns() * corner_rows();
-}
-
-int Board::point_count() const {
-  return (back ? 2 : 1) * side_point_count();
 }
 
 int Board::marker_count() const {
   if (!has_markers()) return 0;
   if (type == BoardType::aruco_grid) return columns * rows;
   return (columns * rows + (is_marker_square(0, 0) ? 1 : 0)) / 2;
-}
-
-// OpenCV 4.6 changed the colour of the first square.
-bool Board::is_marker_square(int column, int row) const {
-  return (column + row) % 2 == (legacy && rows % 2 == 0 ? 0 : 1);
 }
 
 Eigen::Vector3d Board::point(int id) const {

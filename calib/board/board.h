@@ -56,13 +56,17 @@ struct Board {
 
   bool has_markers() const { return type == BoardType::charuco || type == BoardType::aruco_grid; }
   bool has_circles() const { return type == BoardType::circles || type == BoardType::asymmetric_circles; }
-  int corner_columns() const;  // of inner corners or circles; 0 for aruco_grid
-  int corner_rows() const;
-  int side_point_count() const;                      // of one side
-  int point_count() const;                           // of all sides
-  int marker_count() const;                          // 0 without markers
-  bool is_marker_square(int column, int row) const;  // charuco: white, with a marker
-  Eigen::Vector3d point(int id) const;               // in the board frame; z = 0; on the back: thickness
+  // of inner corners or circles; 0 for aruco_grid
+  int corner_columns() const {
+    return type == BoardType::aruco_grid ? 0 : type == BoardType::charuco ? columns - 1 : columns;
+  }
+  int corner_rows() const { return type == BoardType::aruco_grid ? 0 : type == BoardType::charuco ? rows - 1 : rows; }
+  int side_point_count() const;                                            // of one side
+  int point_count() const { return (back ? 2 : 1) * side_point_count(); }  // of all sides
+  int marker_count() const;                                                // 0 without markers
+  // charuco: white, with a marker
+  bool is_marker_square(int column, int row) const { return (column + row) % 2 == (legacy && rows % 2 == 0 ? 0 : 1); }
+  Eigen::Vector3d point(int id) const;  // in the board frame; z = 0; on the back: thickness
   // The four corners of marker `index` (0 .. marker_count() - 1), clockwise from its own top left one.
   std::vector<Eigen::Vector3d> marker_corners(int index) const;
 

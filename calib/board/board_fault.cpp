@@ -190,9 +190,8 @@ std::string mirrored_text(const Board& board) {
   // Equivalent for a chessboard with two odd counts.
   return board.type == BoardType::chessboard
              ? "they are mirrored (left and right swapped; record them as the sensor sees them), or black and white "
-               "are "
-               "swapped (inverted: true), or they show the back of a board that is printed on both sides (back: in the "
-               "board file)"
+               "are swapped (inverted: true), or they show the back of a board that is printed on both sides (back: in "
+               "the board file)"
              : "they are mirrored (left and right swapped): record them as the sensor sees them; or, if they show the "
                "back of a board that is printed on both sides, add back: to the board file";
 }

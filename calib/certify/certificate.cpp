@@ -1,6 +1,5 @@
 #include "calib/certify/certificate.h"
 
-#include <algorithm>
 #include <cmath>
 #include <map>
 #include <set>
@@ -83,14 +82,6 @@ std::string_view direction_name(std::size_t direction) {
   constexpr std::array<std::string_view, direction_count> names{
       "along x", "along y", "along z", "diagonal + + +", "diagonal + + -", "diagonal + - +", "diagonal - + +"};
   return names[direction];
-}
-
-std::size_t Certificate::cells_measured() const {
-  return static_cast<std::size_t>(std::ranges::count_if(cells, [](const Part& p) { return p.lengths > 0; }));
-}
-
-std::size_t Certificate::directions_measured() const {
-  return static_cast<std::size_t>(std::ranges::count_if(by_direction, [](const Part& p) { return p.lengths > 0; }));
 }
 
 Certificate certificate_of(const std::vector<MeasuredLength>& lengths, double true_length_sigma_m,

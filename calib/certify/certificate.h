@@ -2,6 +2,7 @@
 // Pure; nothing throws.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <string_view>
 #include <vector>
@@ -42,8 +43,12 @@ struct Certificate {
   solver::WorldBox box;
   std::array<int, 3> steps{5, 5, 3};
   std::vector<Part> cells;  // x fastest, then y, then z
-  std::size_t cells_measured() const;
-  std::size_t directions_measured() const;
+  std::size_t cells_measured() const {
+    return static_cast<std::size_t>(std::ranges::count_if(cells, [](const Part& p) { return p.lengths > 0; }));
+  }
+  std::size_t directions_measured() const {
+    return static_cast<std::size_t>(std::ranges::count_if(by_direction, [](const Part& p) { return p.lengths > 0; }));
+  }
 };
 
 // true_length_sigma_m: >= 0, standard deviation of the reference length. Without lengths all is 0.

@@ -1,6 +1,5 @@
 // ROS bags: the lenses of sensor_msgs/CameraInfo, and the poses that /tf_static has for their frames. An optical frame
 // of ROS (REP 103) has our camera's axes.
-#include <fmt/format.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -121,9 +120,8 @@ Imported import_bag(const fs::path& bag, const ImportOptions& options) {
   if (!are_placed && lenses.size() > 1)
     throw files::ConfigError(
         bag, 0,
-        "has lenses, but no poses: /tf_static does not lead from every camera's frame (frame_id) to a common "
-        "one. Import each camera into its own file with --cameras NAME, then find the poses with extrinsics "
-        "or wave");
+        "has lenses, but no poses: /tf_static does not lead from every camera's frame (frame_id) to a common one. "
+        "Import each camera into its own file with --cameras NAME, then find the poses with extrinsics or wave");
   out.notes.push_back(are_placed
                           ? "the poses are those of /tf_static; the world is its frame " + files::printable(*world)
                           : "/tf_static has no pose of the camera's frame \"" +

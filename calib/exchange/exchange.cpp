@@ -5,7 +5,6 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include "calib/exchange/exchanged_camera.h"
 #include "calib/files/config_error.h"
@@ -90,11 +89,11 @@ void check_axes(const std::vector<calib::Camera>& cameras, const ImportOptions& 
     const Middle middle = middle_of(other);
     if (!middle.is_in_all_pictures || (inverts && options.inverts_poses)) continue;
     out.is_doubtful = true;
-    out.notes.push_back(fmt::format(
-        "the cameras see no place in common; with the axes of OpenGL, Blender or NeRF (y up, z backwards; "
-        "--camera-axes opengl{}) they are up to {:.3f} m apart and look at a place {:.2f} m away: the file is probably "
-        "of that kind",
-        inverts ? " --inverted-poses" : "", middle.widest, middle.distance));
+    out.notes.push_back(
+        fmt::format("the cameras see no place in common; with the axes of OpenGL, Blender or NeRF (y up, z backwards; "
+                    "--camera-axes opengl{}) they are up to {:.3f} m apart and look at a place {:.2f} m away: the file "
+                    "is probably of that kind",
+                    inverts ? " --inverted-poses" : "", middle.widest, middle.distance));
     return;
   }
 }
@@ -114,8 +113,8 @@ void check_placement(const std::vector<calib::Camera>& cameras, bool is_inverted
   const bool may_be_inverted = other.is_in_all_pictures && other.widest > as_it_is.widest && !is_inverted;
   if (may_be_inverted) {
     const std::string what = fmt::format(
-        "the poses inverted (world_from_cam; --inverted-poses), they are up to {:.3f} m apart "
-        "and look at a place {:.2f} m away",
+        "the poses inverted (world_from_cam; --inverted-poses), they are up to {:.3f} m apart and look at a place "
+        "{:.2f} m away",
         other.widest, other.distance);
     out.is_doubtful = !as_it_is.is_in_all_pictures;
     note += out.is_doubtful ? ". They do not look at one place; with " + what + ": the file is probably of that kind"
@@ -138,12 +137,10 @@ Imported import_rig(std::span<const std::filesystem::path> files, const ImportOp
   const double widest = middle_of(out.rig.cameras).widest;
   constexpr double widest_rig_m = 50;  // a wider rig is probably in millimetres
   if (widest > widest_rig_m) {
-    throw files::ConfigError(
-        file, 0,
-        fmt::format(
-            "the cameras are up to {:.0f} m apart: if the file is in centimetres ({:.3g} m), give --unit cm, if "
-            "in millimetres ({:.3g} m), --unit mm",
-            widest, widest / 100, widest / 1000));
+    throw files::ConfigError(file, 0,
+                             fmt::format("the cameras are up to {:.0f} m apart: if the file is in centimetres ({:.3g} "
+                                         "m), give --unit cm, if in millimetres ({:.3g} m), --unit mm",
+                                         widest, widest / 100, widest / 1000));
   }
   if (out.rig.cameras.size() > 1) check_placement(out.rig.cameras, options.inverts_poses, out);
   if (out.rig.cameras.size() > 1 && !out.is_doubtful) check_axes(out.rig.cameras, options, out);

@@ -162,9 +162,8 @@ std::vector<std::pair<std::string, Section>> sections_of(const Section& root) {
   throw files::ConfigError(
       root.file(), 0,
       fmt::format(
-          "{}: it has no camera matrix (camera_matrix, matrix, intrinsics, K, ...) and no distortion coefficients, "
-          "at the root or in a section per camera. Its keys: {}{}. What is read, also with --from: "
-          "calib/reference.md",
+          "{}: it has no camera matrix (camera_matrix, matrix, intrinsics, K, ...) and no distortion coefficients, at "
+          "the root or in a section per camera. Its keys: {}{}. What is read, also with --from: calib/reference.md",
           is, joined(seen), more ? ", ..." : ""));
 }
 
@@ -259,10 +258,9 @@ LensKind lens_kind_of(const Section& section, const std::string& given) {
     } else if (std::ranges::find(fisheye, word) != fisheye.end()) {
       kind.fisheye = true;
     } else if (std::ranges::find(pinhole, word) == pinhole.end() && !word.starts_with("lensmodel_opencv")) {
-      section.fail(key,
-                   "is " + (given.empty() ? section.text(key) : given) +
-                       ", which a rig cannot hold: calibrate with a pinhole (plumb_bob, rational_polynomial, radtan) "
-                       "or a fisheye lens (equidistant)");
+      section.fail(key, "is " + (given.empty() ? section.text(key) : given) +
+                            ", which a rig cannot hold: calibrate with a pinhole (plumb_bob, rational_polynomial, "
+                            "radtan) or a fisheye lens (equidistant)");
     }
   }
   if (const auto key = section.first_of(fisheye_words)) {
@@ -366,8 +364,7 @@ void check_camera_info(const Section& info, const calib::CameraModel& model, std
     if (p[3] != 0) {
       notes.push_back(
           fmt::format("projection_matrix is not taken over; this is the second camera of a rectified pair, {:.4g} m "
-                      "from the first: "
-                      "estimate its pose anew with extrinsics or wave",
+                      "from the first: estimate its pose anew with extrinsics or wave",
                       -p[3] / p[0]));
     } else if (p[0] != model.fx() || p[2] != model.cx() || p[5] != model.fy() || p[6] != model.cy() || p[7] != 0) {
       notes.emplace_back("projection_matrix is not taken over: it belongs to a rectified image");
@@ -613,8 +610,8 @@ class Importer {
       if (section.has("camera_group")) groups.insert(section.number("camera_group"));
       if (groups.size() > 1)
         section.fail("camera_group",
-                     "differs from the other cameras': the poses of groups are unrelated; import each "
-                     "group alone, with --cameras");
+                     "differs from the other cameras': the poses of groups are unrelated; import each group alone, "
+                     "with --cameras");
       note_turn(camera.name, section);
       for (const string_view redundant : {"cam_id", "port", "extra_dist", "name"}) section.ignore(redundant);
       note_left_out(camera.name, section);
@@ -668,11 +665,10 @@ class Importer {
     if (out_.rig.cameras.size() > 1)
       throw files::ConfigError(
           file, 0,
-          fmt::format(
-              "no poses for {}: these cameras have no rotation and translation. Also give the file that has them "
-              "(extri.yml, extrinsics.yml), or import each lens into its own file (--cameras {} --rig {}.yaml) "
-              "and find the poses with extrinsics or wave",
-              joined(unposed_), unposed_.front(), unposed_.front()));
+          fmt::format("no poses for {}: these cameras have no rotation and translation. Also give the file that has "
+                      "them (extri.yml, extrinsics.yml), or import each lens into its own file (--cameras {} --rig "
+                      "{}.yaml) and find the poses with extrinsics or wave",
+                      joined(unposed_), unposed_.front(), unposed_.front()));
     out_.notes.push_back(unposed_.front() + " has no pose in this file: the world is the camera's own frame");
   }
 

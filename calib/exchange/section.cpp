@@ -130,12 +130,11 @@ std::vector<Value> documents_of(const std::filesystem::path& file) {
                              "distortion and image size as YAML or JSON");
   for (const std::string_view list : {"# Camera list with one line of data per camera", "# Image list with two lines"})
     if (text.starts_with(list))
-      throw files::ConfigError(
-          file, 0,
-          "is a table of COLMAP (cameras.txt, images.txt), which is not read: write its cameras as OpenCV's YAML or "
-          "JSON: K1, K2, ... with fx, fy, cx - 0.5, cy - 0.5 (COLMAP counts pixels from the corner of the first one), "
-          "D1, ... with k1, k2, p1, p2, image_size, and R1, T1, ... of images.txt (quaternion w, x, y, z; the lengths "
-          "have no unit)");
+      throw files::ConfigError(file, 0,
+                               "is a table of COLMAP (cameras.txt, images.txt), which is not read: write its cameras "
+                               "as OpenCV's YAML or JSON: K1, K2, ... with fx, fy, cx - 0.5, cy - 0.5 (COLMAP counts "
+                               "pixels from the corner of the first one), D1, ... with k1, k2, p1, p2, image_size, and "
+                               "R1, T1, ... of images.txt (quaternion w, x, y, z; the lengths have no unit)");
   const auto first = text.find_first_not_of(" \t\r\n\xef\xbb\xbf");
   if (first != std::string::npos && text.compare(first, 19, "Calibration results") == 0)
     throw files::ConfigError(file, 0,
@@ -153,8 +152,7 @@ std::vector<Value> documents_of(const std::filesystem::path& file) {
   if (documents.empty() || documents.front().kind != Kind::map) {
     throw files::ConfigError(
         file, 0,
-        "has no keys and values, in YAML, JSON, TOML, XML or ROS' INI: it is no calibration file that can "
-        "be read");
+        "has no keys and values, in YAML, JSON, TOML, XML or ROS' INI: it is no calibration file that can be read");
   }
   return documents;
 }
@@ -181,10 +179,6 @@ const Value& Section::value(std::string_view key) const {
   const Value* value = find(key);
   if (value == nullptr) fail(key, "is missing");
   return *value;
-}
-
-bool Section::has(std::string_view key) const {
-  return find(key) != nullptr;
 }
 
 std::optional<std::string> Section::first_of(Words words, std::string_view suffix) const {

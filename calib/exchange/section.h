@@ -29,7 +29,7 @@ class Section {
   Section(const yaml::Value& map, std::filesystem::path file, std::string path = {});
   static Section joined(std::span<const Section> parts);
 
-  bool has(std::string_view key) const;  // and is not null
+  bool has(std::string_view key) const { return find(key) != nullptr; }  // and is not null
   // The first of the words, each with `suffix` or _suffix, that is a key here.
   std::optional<std::string> first_of(Words words, std::string_view suffix = {}) const;
   std::vector<double> numbers(std::string_view key) const;  // of nested lists and {rows, cols, data}, row by row

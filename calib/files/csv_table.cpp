@@ -6,10 +6,8 @@
 #include <cmath>
 #include <iterator>
 
-#include "calib/files/config_error.h"
 #include "calib/files/nearest_word.h"
 #include "calib/files/number_text.h"
-#include "calib/files/text_file.h"
 
 namespace huetrack::files {
 namespace {
@@ -165,14 +163,6 @@ void CsvTable::refuse_decimal_commas() const {
                   cells_.size(), header_cells_));
 }
 
-std::string_view CsvTable::text(std::size_t column) const {
-  return cells_[*columns_[column].cell];
-}
-
-std::string CsvTable::quoted(std::size_t column) const {
-  return '"' + printable(text(column)) + '"';
-}
-
 // Where commas separate fields, one in a field stands in quotes.
 std::string CsvTable::with_point(std::size_t column) const {
   std::string number(text(column));
@@ -209,10 +199,6 @@ std::chrono::sys_time<std::chrono::nanoseconds> CsvTable::time(std::size_t colum
       hint = fmt::format(": if these are {}, name the column t_{}", time_unit_names[finer], time_units[finer]);
   fail(fmt::format("{} must be a time in {}, got {}{}", columns_[column].name, time_unit_names[unit], quoted(column),
                    hint));
-}
-
-void CsvTable::fail(const std::string& message) const {
-  throw ConfigError(file_, line_number_, message);
 }
 
 }  // namespace huetrack::files

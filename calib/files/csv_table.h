@@ -16,6 +16,9 @@
 #include <string_view>
 #include <vector>
 
+#include "calib/files/config_error.h"
+#include "calib/files/text_file.h"
+
 namespace huetrack::files {
 
 // Units of times, as suffixes of names, each a thousandth of the one before.
@@ -48,13 +51,14 @@ class CsvTable {
   bool next();  // to the next row; false at the end. throws ConfigError: too few fields, or a read error
   int line() const { return line_number_; }  // of the current row, from 1
   // Fields of the current row. column: index into the constructor's list; the file must have it. throws ConfigError.
-  std::string_view text(std::size_t column) const;
-  std::string quoted(std::size_t column) const;                        // printable, in quotes, for a message
+  std::string_view text(std::size_t column) const { return cells_[*columns_[column].cell]; }
+  // printable, in quotes, for a message
+  std::string quoted(std::size_t column) const { return '"' + printable(text(column)) + '"'; }
   double number(std::size_t column) const;                             // nan and inf are accepted
   std::optional<std::int64_t> whole_number(std::size_t column) const;  // 12, or 1.2e+01; nullopt: it is none
   // In the unit of the column's name, else seconds; exact to the nanosecond. At most some 285 years from zero.
   std::chrono::sys_time<std::chrono::nanoseconds> time(std::size_t column) const;
-  [[noreturn]] void fail(const std::string& message) const;
+  [[noreturn]] void fail(const std::string& message) const { throw ConfigError(file_, line_number_, message); }
 
  private:
   struct Column {

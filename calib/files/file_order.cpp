@@ -7,11 +7,11 @@
 #include <functional>
 #include <map>
 #include <numeric>
-#include <optional>
 #include <ranges>
 #include <set>
 
 #include "calib/files/config_error.h"
+#include "calib/files/median.h"
 
 namespace huetrack::files {
 namespace {
@@ -337,10 +337,7 @@ class NameOrder {
     double across = 0;
     for (auto before = values.begin(), value = std::next(before); value != values.end(); before = value++)
       (*before < 0 && *value >= 0 ? across : steps.emplace_back()) = *value - *before;
-    if (steps.empty()) return true;
-    const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
-    std::ranges::nth_element(steps, middle);
-    return across < 2 * *middle;
+    return steps.empty() || across < 2 * median(std::move(steps));
   }
 
   std::set<std::string> signed_;         // texts before a number with a sign

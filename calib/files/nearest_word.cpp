@@ -1,7 +1,6 @@
 #include "calib/files/nearest_word.h"
 
 #include <algorithm>
-#include <vector>
 
 namespace huetrack::files {
 namespace {

@@ -1,6 +1,7 @@
 // Numbers from and to text, exact and independent of the locale. Pure functions; thread-safe.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <cstdint>
@@ -17,6 +18,16 @@ std::optional<Number> number_of(std::string_view text) {
   Number value{};
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   return error == std::errc{} && end == text.data() + text.size() ? std::optional(value) : std::nullopt;
+}
+
+inline bool is_digit(char c) {
+  return c >= '0' && c <= '9';
+}
+
+// "ball_3" is one of several objects of "ball".
+inline bool is_object_of(std::string_view name, std::string_view target) {
+  if (!name.starts_with(target) || name.size() < target.size() + 2 || name[target.size()] != '_') return false;
+  return std::ranges::all_of(name.substr(target.size() + 1), is_digit);
 }
 
 // A number, or a ratio of two as programs write frame rates (30000/1001); a leading + is accepted.

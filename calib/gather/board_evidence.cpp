@@ -2,8 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <cmath>
-
 #include "calib/board/grey_view.h"
 #include "calib/gather/picture_source.h"
 #include "calib/model/median.h"

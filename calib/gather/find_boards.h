@@ -1,9 +1,7 @@
 // Detects the board in the images of a source, and selects views for a calibration.
 #pragma once
 
-#include <cstdint>
 #include <filesystem>
-#include <functional>
 #include <limits>
 #include <map>
 #include <optional>

@@ -2,14 +2,13 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <iterator>
 #include <map>
-#include <optional>
 #include <set>
-#include <string>
 
 #include "calib/files/file_order.h"
+#include "calib/files/nearest_word.h"
+#include "calib/files/number_text.h"
 #include "calib/gather/picture_source.h"
 
 namespace huetrack::gather {
@@ -17,15 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::string lower_extension(const fs::path& file) {
-  std::string extension = file.extension().string();
-  std::ranges::transform(extension, extension.begin(), [](unsigned char c) { return std::tolower(c); });
-  return extension;
-}
-
-bool is_digit(char c) {
-  return c >= '0' && c <= '9';
-}
+using files::is_digit;
 
 std::optional<long> last_number(const fs::path& file) {
   const std::string stem = file.stem().string();
@@ -57,13 +48,13 @@ std::string as_glob(const std::string& pattern) {
 
 bool is_image_file(const fs::path& file) {
   static constexpr std::array extensions{".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".webp"};
-  return std::ranges::find(extensions, lower_extension(file)) != extensions.end();
+  return std::ranges::find(extensions, files::to_lower_ascii(file.extension().string())) != extensions.end();
 }
 
 bool is_video_file(const fs::path& file) {
   static constexpr std::array extensions{".mkv", ".mp4",  ".avi",   ".mov", ".webm", ".mpg", ".mpeg",
                                          ".m4v", ".mjpg", ".mjpeg", ".mts", ".m2ts", ".ts"};
-  return std::ranges::find(extensions, lower_extension(file)) != extensions.end();
+  return std::ranges::find(extensions, files::to_lower_ascii(file.extension().string())) != extensions.end();
 }
 
 std::vector<fs::path> image_files(const fs::path& given) {

@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "calib/board/board_detector.h"
-#include "calib/gather/detection_page.h"
 #include "calib/gather/find_boards.h"
 #include "capture/frames/frame_source.h"
 

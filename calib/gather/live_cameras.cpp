@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <tuple>
 
+#include "calib/files/number_text.h"
 #include "calib/gather/picture_source.h"
 #include "calib/yaml/yaml_reader.h"
 #include "capture/v4l2/v4l2_device.h"
@@ -85,7 +86,7 @@ std::vector<capture::CameraRequest> live_cameras_in(const std::filesystem::path&
     capture::CameraRequest options;
     options.name = name;
     const std::string device = yaml.string("device");
-    const bool is_index = device.size() < 4 && std::ranges::all_of(device, [](char c) { return c >= '0' && c <= '9'; });
+    const bool is_index = device.size() < 4 && std::ranges::all_of(device, files::is_digit);
     options.device = is_index ? "/dev/video" + device : device;
     constexpr std::array<std::string_view, 5> formats{"auto", "yuyv", "nv12", "mjpeg", "grey"};
     options.format = capture::capture_format_of(yaml.choice("format", formats, "auto"));

@@ -379,10 +379,9 @@ std::unique_ptr<PictureSource> open_pictures(std::span<const std::string> inputs
     if (fs::is_directory(input, error) && fs::is_empty(input, error)) throw InputError(input + ": the folder is empty");
     all = fs::is_directory(input, error) ? inside(input) : NamedInputs{};
     if (all.empty()) {
-      throw InputError(input +
-                       ": is not a recording: it has no recording.yaml, nor a sub-folder of images or a video per "
-                       "camera" +
-                       folders_without_pictures(input) + "; or give NAME=FRAMES for each camera");
+      throw InputError(
+          input + ": is not a recording: it has no recording.yaml, nor a sub-folder of images or a video per camera" +
+          folders_without_pictures(input) + "; or give NAME=FRAMES for each camera");
     }
   }
   return open_named(all, options);

@@ -2,8 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -43,10 +41,6 @@ constexpr std::array tilt_needs{"hold it straight to the camera", "tilt it, its 
 double ViewCoverage::CameraCoverage::image_share() const {
   return static_cast<double>(std::ranges::count_if(corners, [](int n) { return n > 0; })) /
          static_cast<double>(corners.size());
-}
-
-int ViewCoverage::CameraCoverage::tilts_seen() const {
-  return static_cast<int>(std::ranges::count_if(tilts, [](int n) { return n > 0; }));
 }
 
 ViewCoverage::ViewCoverage(board::Board board, std::vector<std::string> cameras, std::vector<calib::ImageSize> sizes)

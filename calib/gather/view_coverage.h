@@ -1,6 +1,7 @@
 // What the gathered views of a board still lack, as instructions for the user.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <map>
 #include <string>
@@ -27,7 +28,9 @@ class ViewCoverage {
     std::array<int, 5> tilts{};                 // views, by Tilt
     std::vector<double> blurs_px;               // of the views with known blur (BoardView::blur_px)
     double image_share() const;                 // share of parts with corners
-    int tilts_seen() const;
+    int tilts_seen() const {
+      return static_cast<int>(std::ranges::count_if(tilts, [](int n) { return n > 0; }));
+    }
   };
 
   ViewCoverage(board::Board board, std::vector<std::string> cameras, std::vector<calib::ImageSize> sizes);

@@ -2,14 +2,9 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
-#include <cmath>
 #include <numbers>
 
 namespace huetrack::calib {
-
-Eigen::Vector2d CovarianceEllipse::at(double angle) const {
-  return directions * half_axes.cwiseProduct(Eigen::Vector2d(std::cos(angle), std::sin(angle)));
-}
 
 std::vector<Eigen::Vector2d> CovarianceEllipse::ring(int points) const {
   std::vector<Eigen::Vector2d> border;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <optional>
 #include <vector>
 
@@ -18,7 +19,9 @@ struct CovarianceEllipse {
   Eigen::Vector2d half_axes;   // the shorter one first, 1 unit of length
   Eigen::Matrix2d directions;  // unit vectors of the axes, as columns
   // Point of the border, relative to the centre; angle = 0..2 pi.
-  Eigen::Vector2d at(double angle) const;
+  Eigen::Vector2d at(double angle) const {
+    return directions * half_axes.cwiseProduct(Eigen::Vector2d(std::cos(angle), std::sin(angle)));
+  }
   std::vector<Eigen::Vector2d> ring(int points) const;
 };
 

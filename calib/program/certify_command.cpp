@@ -9,6 +9,7 @@
 #include <memory>
 
 #include "calib/certify/certificate.h"
+#include "calib/files/number_text.h"
 #include "calib/files/text_file.h"
 #include "calib/gather/picture_source.h"
 #include "calib/program/commands.h"
@@ -93,12 +94,10 @@ struct Ends {
 
 const object_tracking::TargetOptions& target_of(const config::ServiceConfig& config, const std::string& file,
                                                 const std::string& name) {
-  std::vector<std::string> known;
-  for (const auto& target : config.targets) {
-    if (target.name == name) return target;
-    known.push_back(target.name);
-  }
-  throw gather::InputError(fmt::format("{} has no target {}: it has {}", file, name, fmt::join(known, ", ")));
+  const auto target = std::ranges::find(config.targets, name, &object_tracking::TargetOptions::name);
+  if (target != config.targets.end()) return *target;
+  throw gather::InputError(
+      fmt::format("{} has no target {}: it has {}", file, name, fmt::join(config.target_names(), ", ")));
 }
 
 void require_one_object(const object_tracking::TargetOptions& target, const std::string& file, std::string_view why) {
@@ -107,54 +106,35 @@ void require_one_object(const object_tracking::TargetOptions& target, const std:
         fmt::format("{}: {} has count: {}, but {}: set count: 1, or omit it", file, target.name, target.count, why));
 }
 
-// The targets if none was named and the configuration is unambiguous.
-std::vector<std::string> targets_without_a_choice(const config::ServiceConfig& config, bool is_bar) {
-  std::vector<std::string> names;
-  for (const auto& target : config.targets) names.push_back(target.name);
-  if (names.size() > (is_bar ? 2 : 1)) names.clear();
-  return names;
-}
-
 Ends ends_of(const CertifyOptions& o, const config::ServiceConfig& config, bool is_bar) {
-  Ends ends{.targets = o.targets.empty() ? targets_without_a_choice(config, is_bar) : o.targets};
+  // Those of the configuration if none was named and there is no choice.
+  Ends ends{.targets = o.targets.empty() ? config.target_names() : o.targets};
   const std::size_t given = ends.targets.size();
-  if (given == 0 || given > (is_bar ? 2 : 1)) {
-    std::vector<std::string> known;
-    for (const auto& target : config.targets) known.push_back(target.name);
+  if (given == 0 || given > (is_bar ? 2 : 1))
     throw gather::InputError(fmt::format("choose with --target the {} of {}: {}",
                                          is_bar ? "two balls (or which one, if both have its colour)" : "ball",
-                                         o.config, fmt::join(known, ", ")));
-  }
+                                         o.config, fmt::join(config.target_names(), ", ")));
   const object_tracking::TargetOptions& first = target_of(config, o.config, ends.targets[0]);
   if (!is_bar) {
     require_one_object(first, o.config, "one ball is put on marked places");
   } else if (given == 1) {
     if (first.count != 2)
-      throw gather::InputError(fmt::format(
-          "{0}: {1} has count: {2}, and a bar has two balls: if both have its colour, count: 2; if not, name the other "
-          "one's target, too (--target {1} --target OTHER)",
-          o.config, first.name, first.count));
+      throw gather::InputError(
+          fmt::format("{0}: {1} has count: {2}, and a bar has two balls: if both have its colour, count: 2; if not, "
+                      "name the other one's target, too (--target {1} --target OTHER)",
+                      o.config, first.name, first.count));
     ends.is_one_color = true;
   } else if (ends.targets[0] == ends.targets[1]) {
-    throw gather::InputError(
-        fmt::format("--target: {0} is given twice. A bar with two balls of its colour is --target {0}, once, with "
-                    "count: 2 in {1}",
-                    ends.targets[0], o.config));
+    throw gather::InputError(fmt::format(
+        "--target: {0} is given twice. A bar with two balls of its colour is --target {0}, once, with count: 2 in {1}",
+        ends.targets[0], o.config));
   } else {
     for (const std::string& name : ends.targets)
-      require_one_object(target_of(config, o.config, name), o.config,
-                         "two targets are for a bar with two colours (for one colour name only one: "
-                         "--target " +
-                             name + ")");
+      require_one_object(
+          target_of(config, o.config, name), o.config,
+          "two targets are for a bar with two colours (for one colour name only one: --target " + name + ")");
   }
   return ends;
-}
-
-// The objects of a target: lime_1, lime_2, ...
-bool is_object_of(std::string_view name, const std::string& target) {
-  if (!name.starts_with(target + "_")) return false;
-  name.remove_prefix(target.size() + 1);
-  return !name.empty() && std::ranges::all_of(name, [](char c) { return c >= '0' && c <= '9'; });
 }
 
 // The measured lengths, and facts for the report.
@@ -167,8 +147,7 @@ std::string why_no_length(const report::OneColorTally& tally, const std::string&
   if (!tally.bar.others.empty())
     return fmt::format(
         "the two objects of {} are {:.0f} to {:.0f} mm apart, but the bar has {:.0f} mm: is --length-mm right (between "
-        "the "
-        "centres of its balls), and is nothing else of that colour in the room?",
+        "the centres of its balls), and is nothing else of that colour in the room?",
         target, 1e3 * tally.bar.others.front().least_m, 1e3 * tally.bar.others.front().most_m, 1e3 * tally.length_m);
   if (tally.bar.with_third > 0)
     return "there is a third object of the colour of " + target + " throughout: remove it and record anew";
@@ -183,7 +162,7 @@ Measured measured_one_color(const CertifyOptions& o, const config::ServiceConfig
   std::vector<certify::Rest> rests;
   std::map<std::uint64_t, TrackedSet> frame_sets;
   for (const auto& [name, estimates] : all.estimates) {
-    if (name != target && !is_object_of(name, target)) continue;
+    if (name != target && !files::is_object_of(name, target)) continue;
     for (const auto& e : estimates) frame_sets.try_emplace(e.set_number, TrackedSet{.at_s = capture::seconds(e.at)});
     tracks.push_back(track_of(estimates));
     const auto of_track = certify::rests_of(tracks.back());

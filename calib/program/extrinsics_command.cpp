@@ -59,11 +59,10 @@ void choose_world(solver::Extrinsics& result, const ExtrinsicsArguments& options
       return;
     }
     if (!kept) {
-      std::fprintf(
-          stderr,
-          "huetrack-calibrate: no two cameras have the same relative pose as in %s: its world is not kept; set it "
-          "anew (huetrack-calibrate world)\n",
-          (options.world_of.empty() ? options.rig : options.world_of).c_str());
+      std::fprintf(stderr,
+                   "huetrack-calibrate: no two cameras have the same relative pose as in %s: its world is not kept; "
+                   "set it anew (huetrack-calibrate world)\n",
+                   (options.world_of.empty() ? options.rig : options.world_of).c_str());
     }
   }
   result.adjustment = solver::in_world(std::move(result.adjustment), guess);

@@ -43,10 +43,9 @@ solver::WorldBox volume_before(const calib::CameraRig& rig) {
 
 void require_two(const calib::CameraRig& rig, const std::string& file) {
   if (rig.cameras.size() < 2)
-    throw gather::InputError(
-        file +
-        ": one camera: a map is of the positions that two or more see. With one, a ball's distance "
-        "follows from its size: a tenth of a pixel of a radius of 7 px is 1.4 % of it");
+    throw gather::InputError(file +
+                             ": one camera: a map is of the positions that two or more see. With one, a ball's "
+                             "distance follows from its size: a tenth of a pixel of a radius of 7 px is 1.4 % of it");
 }
 
 ExitStatus map(const MapOptions& o) {

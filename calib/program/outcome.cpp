@@ -42,15 +42,8 @@ calib::UtcTime utc_now() {
 }
 
 ExitStatus status_of(report::Verdict verdict) {
-  switch (verdict) {
-    case report::Verdict::usable:
-      return ExitStatus::usable;
-    case report::Verdict::doubtful:
-      return ExitStatus::doubtful;
-    case report::Verdict::failed:
-      break;
-  }
-  return ExitStatus::failed;
+  static constexpr ExitStatus statuses[] = {ExitStatus::usable, ExitStatus::doubtful, ExitStatus::failed};
+  return statuses[std::size_t(verdict)];
 }
 
 report::Reader reader() {

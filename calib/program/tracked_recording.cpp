@@ -41,10 +41,8 @@ class Collector final : public pipeline::Output {
 Tracked tracked(const config::ServiceConfig& config, const std::string& file, const std::stop_token& stop) {
   const recordings::Recording recording = recordings::read_recording(file);
   for (const auto& warning : recording.warnings) std::printf("note: %s\n", warning.c_str());
-  std::vector<std::string> names;
-  for (const calib::Camera& camera : config.rig.cameras) names.push_back(camera.name);
   auto source = std::make_unique<recordings::ReplaySource>(
-      recording, names,
+      recording, config.rig.camera_names(),
       recordings::ReplayOptions{.decoder_threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency())),
                                 .timing = config::frame_timing(config.rig),
                                 .takes_matches = true});

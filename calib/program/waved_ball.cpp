@@ -43,8 +43,7 @@ class Finder {
 };
 
 BallsFrames frames_of_recording(const WavedOptions& o, const WavedInput& in, const std::stop_token& stop) {
-  std::vector<std::string> names;
-  for (const calib::Camera& camera : in.rig.cameras) names.push_back(camera.name);
+  const std::vector<std::string> names = in.rig.camera_names();
   const recordings::Recording recording = recordings::read_recording(o.recording);
   for (const auto& warning : recording.warnings) std::printf("note: %s\n", warning.c_str());
   recordings::ReplaySource source(recording, names);

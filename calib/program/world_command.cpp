@@ -70,10 +70,10 @@ NewWorld from_board(const calib::CameraRig& rig, const WorldOptions& options, co
   }
   if (!found.board_doubt.empty()) world.doubts.push_back(found.board_doubt);
   if (found.set_at_s.size() > 1 && !options.at_s) {
-    world.doubts.push_back(fmt::format(
-        "the board moves in these images: its place at {:.2f} s is used; give --at SECONDS, or images of the board "
-        "at rest",
-        found.set_at_s[static_cast<std::size_t>(set)]));
+    world.doubts.push_back(
+        fmt::format("the board moves in these images: its place at {:.2f} s is used; give --at SECONDS, or images of "
+                    "the board at rest",
+                    found.set_at_s[static_cast<std::size_t>(set)]));
   }
   if (views.size() == 1) {
     const solver::BoardView& view = views.front();
@@ -81,10 +81,10 @@ NewWorld from_board(const calib::CameraRig& rig, const WorldOptions& options, co
     const auto poses =
         solver::board_poses(board, view, solver::lens_model_of(camera.model), solver::parameters_of(camera.model));
     if (poses.size() > 1 && poses[1].rms_px < 2 * poses[0].rms_px + 0.1) {
-      world.doubts.push_back(fmt::format(
-          "only {} sees the board, at so flat an angle that the mirrored pose fits as well ({:.2f} and {:.2f} px): the "
-          "floor may be tilted the wrong way; lay it where two cameras see it",
-          camera.name, poses[0].rms_px, poses[1].rms_px));
+      world.doubts.push_back(
+          fmt::format("only {} sees the board, at so flat an angle that the mirrored pose fits as well ({:.2f} and "
+                      "{:.2f} px): the floor may be tilted the wrong way; lay it where two cameras see it",
+                      camera.name, poses[0].rms_px, poses[1].rms_px));
     }
   }
   if (placed.rms_px > good_px) {
@@ -122,10 +122,10 @@ NewWorld from_points(const calib::CameraRig& rig, const WorldOptions& options) {
     world.how = std::to_string(points.size()) + " measured points";
     if (options.scale) world.how += fmt::format(", scale {:.5f}", change.scale);
     if (!options.scale && std::abs(scale - 1) > 0.01) {
-      world.doubts.push_back(fmt::format(
-          "by these points all lengths of the rig are to be multiplied by {:.4f}: the board's square size was "
-          "probably wrong by that factor; --scale applies it",
-          scale));
+      world.doubts.push_back(
+          fmt::format("by these points all lengths of the rig are to be multiplied by {:.4f}: the board's square size "
+                      "was probably wrong by that factor; --scale applies it",
+                      scale));
     }
   }
   double extent = 0;
@@ -156,10 +156,9 @@ ExitStatus set_world(const WorldOptions& options, const std::stop_token& stop) {
     if (camera.centre().z() > 0) continue;
     const std::string below = fmt::format("camera {} would be {:.2f} m below z = 0", camera.name, -camera.centre().z());
     if (world.is_floor) {
-      throw gather::InputError(
-          below +
-          ", under the floor: the points are not on the floor, the board lies face down, or the rig is "
-          "mirrored (are the camera's images?); nothing was written");
+      throw gather::InputError(below +
+                               ", under the floor: the points are not on the floor, the board lies face down, or the "
+                               "rig is mirrored (are the camera's images?); nothing was written");
     }
     world.doubts.push_back(below + ": does z point up in the measured points?");
   }

@@ -2,65 +2,61 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <iterator>
+#include <string_view>
+#include <utility>
+
 namespace huetrack::report {
 
+namespace {
+
+using solver::Fault;
+
+// In the order of Fault.
+constexpr std::pair<Fault, std::string_view> advices[] = {
+    {Fault::too_few_views, "Some 15 with the board tilted and in all parts of the image are good"},
+    {Fault::no_lens_fits, "are all images of this camera, and not cropped or zoomed?"},
+    {Fault::lens_does_not_fit, "without --lens the model that predicts the views best is chosen"},
+    {Fault::undetermined,
+     "show the board at more places, tilted, and out to the image's edges; or ask for a simpler lens model"},
+    {Fault::no_overlap, "show it to {} (or to others of the two groups) together, 10 times or more"},
+    {Fault::mirrored_images,
+     "switch mirroring off in the camera or its driver; or, if it sees the back of the board, add back: to the board "
+     "file"},
+    {Fault::different_sizes, "did they see different boards, or is one camera's focal length wrong?"},
+    {Fault::contradicting_views,
+     "were the images taken at the same time, are they in the right order, and was a camera moved?"},
+    {Fault::other_rig, "is it the rig of these cameras?"},
+    {Fault::collinear_points, "Measure one away from the line"},
+    {Fault::undecided_floor, "are the points on the floor?"},
+    {Fault::target_unseen,
+     "Check the target's colour (hue, saturation, intensity) in this camera, or wave it in front of it"},
+    {Fault::too_little_motion, "Wave it through the whole volume"},
+    {Fault::motion_in_a_plane, "wave it through the whole volume, up and down and towards the cameras too"},
+    {Fault::undetermined_poses, "carry it through the whole volume, up and down and towards the cameras"},
+    {Fault::unconnected_cameras, "Wave it where both see it"},
+    {Fault::contradicting_motion,
+     "is its colour seen on anything else that moves? Wave for longer, through the whole volume, or begin with a rig "
+     "of approximate poses"},
+    {Fault::unplaced_camera, "Wave the ball where it and two other cameras see it at once"},
+    {Fault::wrong_poses, "Find poses and times together, with wave"},
+    {Fault::no_rests, "hold it still for two seconds at each of the two marks, in sight of two cameras"},
+    {Fault::wrong_distance,
+     "was it measured from lens to lens, in metres? If the rig's scale was only a guess, correct it first"},
+    {Fault::wrong_radius, "measure it, and correct it"},
+    {Fault::wrong_scale, "correct the radius, or the measured distance, which is in metres"},
+};
+static_assert(std::size(advices) == std::size_t(Fault::none));
+
+}  // namespace
+
 std::string advice(const solver::Reason& reason) {
-  switch (reason.fault) {
-    case solver::Fault::too_few_views:
-      return "Some 15 with the board tilted and in all parts of the image are good";
-    case solver::Fault::no_lens_fits:
-      return "are all images of this camera, and not cropped or zoomed?";
-    case solver::Fault::lens_does_not_fit:
-      return "without --lens the model that predicts the views best is chosen";
-    case solver::Fault::undetermined:
-      return "show the board at more places, tilted, and out to the image's edges; or ask for a simpler lens model";
-    case solver::Fault::no_overlap:
-      return fmt::format("show it to {} (or to others of the two groups) together, 10 times or more",
-                         fmt::join(reason.cameras, " and "));
-    case solver::Fault::mirrored_images:
-      return "switch mirroring off in the camera or its driver; or, if it sees the back of the board, add back: to the "
-             "board "
-             "file";
-    case solver::Fault::different_sizes:
-      return "did they see different boards, or is one camera's focal length wrong?";
-    case solver::Fault::contradicting_views:
-      return "were the images taken at the same time, are they in the right order, and was a camera moved?";
-    case solver::Fault::other_rig:
-      return "is it the rig of these cameras?";
-    case solver::Fault::collinear_points:
-      return "Measure one away from the line";
-    case solver::Fault::undecided_floor:
-      return "are the points on the floor?";
-    case solver::Fault::target_unseen:
-      return "Check the target's colour (hue, saturation, intensity) in this camera, or wave it in front of it";
-    case solver::Fault::too_little_motion:
-      return "Wave it through the whole volume";
-    case solver::Fault::motion_in_a_plane:
-      return "wave it through the whole volume, up and down and towards the cameras too";
-    case solver::Fault::undetermined_poses:
-      return "carry it through the whole volume, up and down and towards the cameras";
-    case solver::Fault::unconnected_cameras:
-      return "Wave it where both see it";
-    case solver::Fault::contradicting_motion:
-      return "is its colour seen on anything else that moves? Wave for longer, through the whole volume, or begin with "
-             "a "
-             "rig of approximate poses";
-    case solver::Fault::unplaced_camera:
-      return "Wave the ball where it and two other cameras see it at once";
-    case solver::Fault::wrong_poses:
-      return "Find poses and times together, with wave";
-    case solver::Fault::no_rests:
-      return "hold it still for two seconds at each of the two marks, in sight of two cameras";
-    case solver::Fault::wrong_distance:
-      return "was it measured from lens to lens, in metres? If the rig's scale was only a guess, correct it first";
-    case solver::Fault::wrong_radius:
-      return "measure it, and correct it";
-    case solver::Fault::wrong_scale:
-      return "correct the radius, or the measured distance, which is in metres";
-    case solver::Fault::none:
-      break;
-  }
-  return {};
+  if (reason.fault == Fault::none) return {};
+  const std::string_view text =
+      std::ranges::find(advices, reason.fault, &std::pair<Fault, std::string_view>::first)->second;
+  // Fault::no_overlap names the cameras.
+  return fmt::format(fmt::runtime(text), fmt::join(reason.cameras, " and "));
 }
 
 std::string with_advice(const std::vector<solver::Reason>& reasons) {

@@ -177,8 +177,8 @@ class Judge {
       }
       if (is_stretched) {
         add(Verdict::doubtful, "squares of the board",
-            fmt::format("the print is stretched: its squares are {:.2f} % (+- {:.2f}) longer along {} than along {}"
-                        "; the calibration accounts for it, but no image shows their mean size",
+            fmt::format("the print is stretched: its squares are {:.2f} % (+- {:.2f}) longer along {} than along {}; "
+                        "the calibration accounts for it, but no image shows their mean size",
                         100 * stretch, 100 * sigma(2), warp(2) > 0 ? "x" : "y", warp(2) > 0 ? "y" : "x"),
             "measure ten squares along both, and give pitch: [x, y] in the board file");
       }
@@ -208,10 +208,10 @@ class Judge {
       if (result.refinement != solver::LensRefinement::given_refined || !camera.lens_prior) continue;
       const solver::LensParameters &was = camera.lens_prior->mean, &now = camera.parameters;
       add(Verdict::usable, "given lens of " + camera.name,
-          fmt::format("{}: the given lens was refined, because the cameras are inconsistent with it: "
-                      "fx {:.1f} px (given: {:.1f}), fy {:.1f} px (given: {:.1f}), principal point at ({:.1f}, {:.1f}) "
-                      "(given: {:.1f}, {:.1f})",
-                      camera.name, now(0), was(0), now(1), was(1), now(2), now(3), was(2), was(3)),
+          fmt::format(
+              "{}: the given lens was refined, because the cameras are inconsistent with it: fx {:.1f} px (given: "
+              "{:.1f}), fy {:.1f} px (given: {:.1f}), principal point at ({:.1f}, {:.1f}) (given: {:.1f}, {:.1f})",
+              camera.name, now(0), was(0), now(1), was(1), now(2), now(3), was(2), was(3)),
           "");
     }
     for (std::size_t c = 0; c < result.contradictions.size(); ++c) {
@@ -219,8 +219,7 @@ class Judge {
       if (result.contradictions[c]) {
         const double covered = result.contradictions[c]->covered;
         add(covered < least_coverage ? Verdict::doubtful : Verdict::usable, "given lens of " + name,
-            fmt::format("{}: the given lens was replaced by one from these views, which cover {:.0f} % of its "
-                        "image",
+            fmt::format("{}: the given lens was replaced by one from these views, which cover {:.0f} % of its image",
                         name, 100 * covered),
             command("calibrate the lens alone (intrinsics): ") + all_over_its_image +
                 command("; --refine-lens no keeps the given one"));
@@ -231,18 +230,17 @@ class Judge {
             ray_share.judge(lens.off_px / report_.cameras[c].image_size.width) > Verdict::usable &&
             lens.off_px > contradicted_sigmas * lens.sigma_px;
         add(contradicted ? Verdict::doubtful : Verdict::usable, "given lens of " + name,
-            fmt::format("{}: the given lens is kept; these views differ from it by {:.2f} px (+- {:.2f}) where boards "
-                        "were",
-                        name, lens.off_px, lens.sigma_px),
+            fmt::format(
+                "{}: the given lens is kept; these views differ from it by {:.2f} px (+- {:.2f}) where boards were",
+                name, lens.off_px, lens.sigma_px),
             command("omit --refine-lens, so that it is refined; or calibrate it alone (intrinsics): ") +
                 all_over_its_image);
       }
       if (result.kept_against[c] && result.refinement != solver::LensRefinement::given_refined) {
         add(Verdict::usable, "given lens of " + name,
-            fmt::format(
-                "{}: the given lens is kept, though another fits these views better: they cover only {:.0f} % of its "
-                "image",
-                name, 100 * result.kept_against[c]->covered),
+            fmt::format("{}: the given lens is kept, though another fits these views better: they cover only {:.0f} % "
+                        "of its image",
+                        name, 100 * result.kept_against[c]->covered),
             "");
       }
     }
@@ -262,8 +260,7 @@ class Judge {
       const bool far = camera.rays.image_px > unknown_share * camera.image_size.width;
       add(ray_share.judge(rays_px / camera.image_size.width), "rays of " + camera.name,
           fmt::format("{}: the direction of a pixel is known to {:.2f} px (95 %) where boards were, to {:.2g} px over "
-                      "the whole "
-                      "image{}",
+                      "the whole image{}",
                       camera.name, rays_px, camera.rays.image_px, far ? ": without boards it is a guess" : ""),
           "show the board in all parts of the image, tilted, near and far");
     }
@@ -272,8 +269,8 @@ class Judge {
       add(focal_share.judge(focal), "focal length of " + camera.name,
           fmt::format("{}: fx {:.1f} +- {:.1f}, fy {:.1f} +- {:.1f} px", camera.name, l(0), camera.sigma(0), l(1),
                       camera.sigma(1)),
-          "show the board tilted by 30 to 50 degrees, both ways, and near as well as far: boards parallel to the "
-          "image do not determine the focal length");
+          "show the board tilted by 30 to 50 degrees, both ways, and near as well as far: boards parallel to the image "
+          "do not determine the focal length");
       const double centre = std::max(camera.sigma(2), camera.sigma(3)) / camera.image_size.width;
       add(centre_share.judge(centre), "principal point of " + camera.name,
           fmt::format("{}: cx {:.1f} +- {:.1f}, cy {:.1f} +- {:.1f} px", camera.name, l(2), camera.sigma(2), l(3),
@@ -376,9 +373,9 @@ class Judge {
       // A camera that moved explains it.
       const bool explained = evidence_.extrinsics != nullptr && evidence_.extrinsics->moved_within.has_value();
       add(explained ? Verdict::usable : not_synchronised.judge(ratio), "agreement between the cameras",
-          fmt::format("corners scatter by {:.2f} px for all cameras together, by {:.2f} px for each camera alone, most "
-                      "in {}",
-                      report_.noise_px, evidence_.alone_px, worst.name),
+          fmt::format(
+              "corners scatter by {:.2f} px for all cameras together, by {:.2f} px for each camera alone, most in {}",
+              report_.noise_px, evidence_.alone_px, worst.name),
           "the cameras do not expose at the same moment, or one was moved while recording: hold the board still for a "
           "second at each place (only still moments are then used), or give the cameras' clock offsets in "
           "recording.yaml (offset_s)");
@@ -420,10 +417,9 @@ class Judge {
       Verdict verdict = volume.covered > 0 ? volume_share.judge(share) : Verdict::failed;
       if (verdict == Verdict::usable && outweighs && share > little_volume_share) verdict = Verdict::doubtful;
       add(verdict, "expected accuracy",
-          fmt::format(
-              "the calibration misplaces points of the volume by {:.1f} mm (median), {:.1f} mm (95 %); two or more "
-              "cameras see {:.0f} % of it",
-              1000 * volume.median_by_calibration_m, 1000 * volume.p95_by_calibration_m, 100 * volume.covered),
+          fmt::format("the calibration misplaces points of the volume by {:.1f} mm (median), {:.1f} mm (95 %); two or "
+                      "more cameras see {:.0f} % of it",
+                      1000 * volume.median_by_calibration_m, 1000 * volume.p95_by_calibration_m, 100 * volume.covered),
           "carry the board through the parts of the volume that are dark in the slices below, in view of several "
           "cameras");
     }

@@ -28,13 +28,12 @@ std::string in_mm(double metres) {
 std::vector<std::string> doubts_of(const Certificate& c, bool is_of_places) {
   std::vector<std::string> doubts;
   if (c.independent < least_independent)
-    doubts.push_back(is_of_places
-                         ? fmt::format("only {} independent visits of marked places, {} are needed: put it on each of "
-                                       "them again, or mark more",
-                                       c.independent, least_independent)
-                         : fmt::format("only {} independent lengths were measured, {} are needed: carry it on, to "
-                                       "other places and in other directions",
-                                       c.independent, least_independent));
+    doubts.push_back(is_of_places ? fmt::format("only {} independent visits of marked places, {} are needed: put it on "
+                                                "each of them again, or mark more",
+                                                c.independent, least_independent)
+                                  : fmt::format("only {} independent lengths were measured, {} are needed: carry it "
+                                                "on, to other places and in other directions",
+                                                c.independent, least_independent));
   if (c.directions_measured() < least_directions)
     doubts.push_back(
         fmt::format("lengths lie in only {} of seven directions: {}", c.directions_measured(),
@@ -60,31 +59,30 @@ std::vector<std::string> doubts_of(const OneColorTally& tally) {
   };
   if (const auto& others = tally.bar.others; !others.empty()) {
     const auto& longest = *std::ranges::max_element(others, {}, &certify::OneColorBar::Other::sets);
-    doubts.push_back(fmt::format(
-        "in {:.1f} % of the frame sets, the first {:.1f} s after the beginning, the two tracked objects were {:.0f} to "
-        "{:.0f} mm apart, but the bar has {:.0f} mm. These sets are excluded: something else has the colour (remove it "
-        "and "
-        "record anew), or --length-mm is wrong, or the rig is far wrong",
-        share(sets_of_others(tally.bar)), longest.from_s - tally.began_s, 1e3 * longest.least_m, 1e3 * longest.most_m,
-        1e3 * tally.length_m));
+    doubts.push_back(
+        fmt::format("in {:.1f} % of the frame sets, the first {:.1f} s after the beginning, the two tracked objects "
+                    "were {:.0f} to {:.0f} mm apart, but the bar has {:.0f} mm. These sets are excluded: something "
+                    "else has the colour (remove it and record anew), or --length-mm is wrong, or the rig is far wrong",
+                    share(sets_of_others(tally.bar)), longest.from_s - tally.began_s, 1e3 * longest.least_m,
+                    1e3 * longest.most_m, 1e3 * tally.length_m));
   }
   if (share(tally.bar.with_third) > most_with_third_percent)
     doubts.push_back(
-        fmt::format("in {:.1f} % of the frame sets there was a third object of the colour; they are excluded: "
-                    "remove it and record anew",
+        fmt::format("in {:.1f} % of the frame sets there was a third object of the colour; they are excluded: remove "
+                    "it and record anew",
                     share(tally.bar.with_third)));
   return doubts;
 }
 
 std::string consistency_text(const Certificate& c) {
   std::string out = fmt::format(
-      "The positions' covariances predict {} mm for a length (95 %); of the errors {:.0f} % lie within "
-      "that (95 % would be consistent), and their mean normalised square is {:.2f} (1 would be consistent).",
+      "The positions' covariances predict {} mm for a length (95 %); of the errors {:.0f} % lie within that (95 % "
+      "would be consistent), and their mean normalised square is {:.2f} (1 would be consistent).",
       in_mm(c.stated_expanded_m), 100 * c.inside_stated, c.mean_nes);
   if (c.mean_nes > honest_surprise)
     out +=
-        " The covariances are too small: the rig has changed or its uncertainty is too small, or the cameras' "
-        "timing is wrong. huetrack-calibrate check tests the first.";
+        " The covariances are too small: the rig has changed or its uncertainty is too small, or the cameras' timing "
+        "is wrong. huetrack-calibrate check tests the first.";
   else if (c.mean_nes > small_surprise)
     out += fmt::format(" The covariances are somewhat too small: errors are {:.1f} times as large as predicted.",
                        std::sqrt(c.mean_nes));
@@ -143,8 +141,7 @@ void add_one_color(Document& document, const OneColorTally& tally) {
   const std::size_t others = sets_of_others(bar);
   const std::size_t seen = bar.lengths.size() + bar.only_one + bar.with_third + others;
   document.paragraph(fmt::format(
-      "Of {} frame sets {} gave a length. Of the others, in {} only one ball was tracked (the other was hidden, or "
-      "one "
+      "Of {} frame sets {} gave a length. Of the others, in {} only one ball was tracked (the other was hidden, or one "
       "lay over the other in the pictures), and in {} neither was; in {} there was a third object of the colour; in {} "
       "the distance of the two was not that of the bar's balls.",
       tally.sets, bar.lengths.size(), bar.only_one, tally.sets - std::min(tally.sets, seen), bar.with_third, others));
@@ -205,8 +202,7 @@ CertificateReport report_on(const Certificate& c, const std::vector<certify::Mea
   document.heading("Errors of the length");
   document.paragraph(
       fmt::format("Mean {:+.2f} mm, rms {} mm, largest {} mm. The true length is known to {} mm (standard deviation), "
-                  "which is part "
-                  "of the uncertainty.",
+                  "which is part of the uncertainty.",
                   1e3 * c.mean_m, in_mm(c.rms_m), in_mm(c.largest_m), in_mm(c.true_length_sigma_m)));
   document.paragraph(consistency_text(c));
   if (!rig.uncertainty)

@@ -197,22 +197,9 @@ struct Text {
 
 }  // namespace
 
-void Document::heading(std::string text) {
-  parts.emplace_back(Heading{std::move(text)});
-}
-void Document::paragraph(std::string text) {
-  parts.emplace_back(Paragraph{std::move(text)});
-}
 void Document::banner(Verdict verdict, std::string word, std::string text) {
   parts.emplace_back(Banner{verdict, std::move(word), std::move(text)});
 }
-void Document::table(Table table) {
-  parts.emplace_back(std::move(table));
-}
-void Document::figure(Figure figure) {
-  parts.emplace_back(std::move(figure));
-}
-
 std::string to_html(const Document& document) {
   std::string out = html_head(document.title) + "<h1>" + escaped(document.title) + "</h1><p class=soft>" +
                     escaped(document.subtitle) + "</p>\n";

@@ -3,6 +3,7 @@
 
 #include <functional>
 #include <string>
+#include <utility>
 #include <variant>
 #include <vector>
 
@@ -37,11 +38,11 @@ struct Document {
   std::string title, subtitle;
   std::vector<Part> parts;
 
-  void heading(std::string text);
-  void paragraph(std::string text);
+  void heading(std::string text) { parts.emplace_back(Heading{std::move(text)}); }
+  void paragraph(std::string text) { parts.emplace_back(Paragraph{std::move(text)}); }
   void banner(Verdict verdict, std::string word, std::string text);
-  void table(Table table);
-  void figure(Figure figure);
+  void table(Table table) { parts.emplace_back(std::move(table)); }
+  void figure(Figure figure) { parts.emplace_back(std::move(figure)); }
 };
 
 std::string to_html(const Document& document);

@@ -57,21 +57,20 @@ MapReport map_report(const calib::CameraRig& rig, const solver::VolumeAccuracy& 
     seen += fmt::format(" There the expected error of a position from one frame set is {} (95 %: {}).",
                         in_tenths_of_mm(map.median_total_m), in_tenths_of_mm(map.p95_total_m));
   document.banner(report.verdict, report.verdict == Verdict::usable ? "Covered" : "Hardly covered", seen);
-  document.paragraph(fmt::format(
-      "Assumes that every camera measures the object's centre to {:g} px. Figures: norm of the position's standard "
-      "deviations along three axes. A filter over time does better.",
-      map.object_noise_px));
   document.paragraph(
-      rig.uncertainty
-          ? fmt::format("Of that, the calibration contributes {} (95 %: {}).",
-                        in_tenths_of_mm(map.median_by_calibration_m), in_tenths_of_mm(map.p95_by_calibration_m))
-          : std::string("The rig file has no uncertainty: its cameras are taken as exact, and the error of the "
-                        "calibration is missing here."));
+      fmt::format("Assumes that every camera measures the object's centre to {:g} px. Figures: norm of the position's "
+                  "standard deviations along three axes. A filter over time does better.",
+                  map.object_noise_px));
+  document.paragraph(rig.uncertainty ? fmt::format("Of that, the calibration contributes {} (95 %: {}).",
+                                                   in_tenths_of_mm(map.median_by_calibration_m),
+                                                   in_tenths_of_mm(map.p95_by_calibration_m))
+                                     : std::string("The rig file has no uncertainty: its cameras are taken as exact, "
+                                                   "and the error of the calibration is missing here."));
   if (map.covered > 0) {
     document.heading("Where in the volume");
-    document.figure(slices_figure(values_of(map), "unseen", 0,
-                                  "Slices from above, x to the right and y up: the expected error. Grey: "
-                                  "fewer than two cameras see it."));
+    document.figure(slices_figure(
+        values_of(map), "unseen", 0,
+        "Slices from above, x to the right and y up: the expected error. Grey: fewer than two cameras see it."));
     document.table(by_views(map, rig.cameras.size()));
   }
   std::vector<PlaceOnPlan> marked;

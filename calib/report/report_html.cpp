@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <string_view>
 
 #include "calib/report/advice.h"
 #include "calib/report/calibration_report.h"
@@ -42,8 +41,7 @@ std::string arrow(const Vector2d& from, const Vector2d& to, const char* color, d
   const Vector2d left = to - 4 * a + 2.5 * n, right = to - 4 * a - 2.5 * n;
   return fmt::format(
       "<line x1='{:.1f}' y1='{:.1f}' x2='{:.1f}' y2='{:.1f}' stroke='{}' stroke-width='{:.1f}'/><polygon "
-      "points='{:.1f},{:.1f} "
-      "{:.1f},{:.1f} {:.1f},{:.1f}' fill='{}'/>",
+      "points='{:.1f},{:.1f} {:.1f},{:.1f} {:.1f},{:.1f}' fill='{}'/>",
       from.x(), from.y(), to.x(), to.y(), color, width, to.x(), to.y(), left.x(), left.y(), right.x(), right.y(),
       color);
 }
@@ -69,8 +67,7 @@ std::string image_map(const CameraReport& camera) {
           n == 0 ? "#ffffff" : html_blue(0.08 + 0.5 * std::log1p(n) / std::log1p(static_cast<double>(most)));
       svg += fmt::format(
           "<rect x='{:.1f}' y='{:.1f}' width='{:.1f}' height='{:.1f}' fill='{}' stroke='#c6ced8'><title>{} corners, "
-          "mean residual ({:.3f}, {:.3f}) px; {} left out; direction of its pixels known to {:.2f} "
-          "px</title></rect>",
+          "mean residual ({:.3f}, {:.3f}) px; {} left out; direction of its pixels known to {:.2f} px</title></rect>",
           1 + column * w, 1 + row * h, w, h, fill, n, camera.grid.mean_residual[cell].x(),
           camera.grid.mean_residual[cell].y(), camera.grid.left_out[cell], camera.rays.sigma_px[cell]);
       if (camera.rays.image_px > 0)
@@ -121,8 +118,8 @@ std::string view_scatter(const CameraReport& camera) {
                        x(camera.distance_m[k]), y(camera.tilt_deg[k]));
   }
   return "<figure>" + svg +
-         "</svg><figcaption>Each view: distance of the board, and its tilt against the line of sight. "
-         "Good: points everywhere, up to 50°.</figcaption></figure>";
+         "</svg><figcaption>Each view: distance of the board, and its tilt against the line of sight. Good: points "
+         "everywhere, up to 50°.</figcaption></figure>";
 }
 
 std::string lens_table(const CameraReport& camera) {
@@ -239,8 +236,7 @@ std::string plan(const CalibrationReport& report) {
   const double bar = round_figure(0.3 * size);
   svg += fmt::format(
       "<line x1='10' y1='{:.1f}' x2='{:.1f}' y2='{:.1f}' stroke='#1b2430' stroke-width='2'/><text x='10' "
-      "y='{:.1f}'>{:g} "
-      "m</text>",
+      "y='{:.1f}'>{:g} m</text>",
       height - 10, 10 + zoom * bar, height - 10, height - 15, bar);
   return "<figure>" + svg +
          "</svg><figcaption>From above: cameras and what they see, the board's places, the volume of the maps, the "
@@ -289,8 +285,7 @@ std::string slices(const solver::VolumeAccuracy& volume) {
   }
   legend += fmt::format(
       "<text x='24' y='14'>{:.1f} mm</text><text x='24' y='164'>{:.1f} mm</text><rect x='0' y='172' width='18' "
-      "height='12' "
-      "fill='#e5e7eb'/><text x='24' y='182'>unseen</text></svg>",
+      "height='12' fill='#e5e7eb'/><text x='24' y='182'>unseen</text></svg>",
       high, low);
   return out + "<figure>" + legend + "</figure></div>";
 }
@@ -308,8 +303,8 @@ std::string todo(const CalibrationReport& report) {
 std::string camera_table(const CalibrationReport& report) {
   const bool posed = report.cameras.front().cam_from_world.has_value();
   std::string out =
-      "<table><tr><th>camera</th><th class=n>rms px</th><th class=n>views used</th><th class=n>board found</th>"
-      "<th class=n>coverage</th><th>lens</th><th class=n>f px</th>";
+      "<table><tr><th>camera</th><th class=n>rms px</th><th class=n>views used</th><th class=n>board found</th><th "
+      "class=n>coverage</th><th>lens</th><th class=n>f px</th>";
   if (posed) out += "<th class=n>position mm</th><th class=n>rotation °</th><th class=n>at x, y, z m</th>";
   out += "</tr>";
   for (const CameraReport& c : report.cameras) {
@@ -382,20 +377,15 @@ std::string to_html(const CalibrationReport& report, const PictureOf& picture_of
     const solver::VolumeAccuracy& v = *report.volume;
     const Vector3d size = v.box.high - v.box.low;
     out +=
-        "\n<h2>Does it agree with a tape measure?</h2><p>The images do not contain the board's true "
-        "size. "
-        "Measure between two lenses:</p>" +
+        "\n<h2>Does it agree with a tape measure?</h2><p>The images do not contain the board's true size. Measure "
+        "between two lenses:</p>" +
         pair_table(report);
     out += fmt::format(
         "\n<h2>Expected accuracy</h2><p>In {:.2f} x {:.2f} x {:.2f} m of the world (x {:.2f} to {:.2f}, y {:.2f} to "
-        "{:.2f}, z "
-        "{:.2f} to {:.2f}), the calibration itself "
-        "misplaces "
-        "points by {:.2f} mm (median; 95 %: {:.2f} mm), after the best rigid alignment. For an object whose centre is "
-        "measured "
-        "to {:.1f} px it is {:.2f} mm ({:.2f} mm). Two or more cameras see {:.0f} % of the volume. The slices show the "
-        "latter; "
-        "standard deviation of the position.</p>",
+        "{:.2f}, z {:.2f} to {:.2f}), the calibration itself misplaces points by {:.2f} mm (median; 95 %: {:.2f} mm), "
+        "after the best rigid alignment. For an object whose centre is measured to {:.1f} px it is {:.2f} mm ({:.2f} "
+        "mm). Two or more cameras see {:.0f} % of the volume. The slices show the latter; standard deviation of the "
+        "position.</p>",
         size.x(), size.y(), size.z(), v.box.low.x(), v.box.high.x(), v.box.low.y(), v.box.high.y(), v.box.low.z(),
         v.box.high.z(), 1000 * v.median_by_calibration_m, 1000 * v.p95_by_calibration_m, v.object_noise_px,
         1000 * v.median_total_m, 1000 * v.p95_total_m, 100 * v.covered);
@@ -417,8 +407,8 @@ std::string to_html(const CalibrationReport& report, const PictureOf& picture_of
     if (!pictures.empty()) {
       out +=
           "<h3>Views</h3><p class=soft>The two that fit worst, one in the middle, and dropped ones. Green: corners "
-          "that are used, red: "
-          "not; yellow: the residual, 30 times as long; pink: the first corner.</p><div class=row>" +
+          "that are used, red: not; yellow: the residual, 30 times as long; pink: the first corner.</p><div "
+          "class=row>" +
           pictures + "</div>";
     }
   }

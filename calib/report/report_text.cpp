@@ -13,17 +13,10 @@ constexpr std::string_view usable_words = "USABLE: nothing speaks against it",
                            doubtful_words = "DOUBTFUL: ", failed_words = "FAILED: do not use it";
 
 std::string verdict_line(const CalibrationReport& report) {
+  if (report.verdict == Verdict::usable) return std::string(usable_words);
+  if (report.verdict == Verdict::failed) return std::string(failed_words);
   const auto bad = std::ranges::count_if(report.checks, [](const Check& c) { return c.verdict != Verdict::usable; });
-  switch (report.verdict) {
-    case Verdict::usable:
-      return std::string(usable_words);
-    case Verdict::doubtful:
-      return std::string(doubtful_words) + std::to_string(bad) + (bad == 1 ? " thing speaks" : " things speak") +
-             " against it";
-    case Verdict::failed:
-      break;
-  }
-  return std::string(failed_words);
+  return fmt::format("{}{} thing{} against it", doubtful_words, bad, bad == 1 ? " speaks" : "s speak");
 }
 
 }  // namespace
@@ -102,9 +95,7 @@ std::string to_text(const CalibrationReport& report) {
     const auto size = v.box.high - v.box.low;
     out += fmt::format(
         "\nExpected accuracy in {:.2f} x {:.2f} x {:.2f} m, which is x {:.2f} to {:.2f}, y {:.2f} to {:.2f}, z {:.2f} "
-        "to {:.2f} of "
-        "the world: {:.2f} mm by the calibration (95 % of the volume: {:.2f} "
-        "mm);\n"
+        "to {:.2f} of the world: {:.2f} mm by the calibration (95 % of the volume: {:.2f} mm);\n"
         "{:.2f} mm ({:.2f} mm) for an object whose centre is seen to {:.1f} px. Two or more cameras see {:.0f} % of "
         "it.\n",
         size.x(), size.y(), size.z(), v.box.low.x(), v.box.high.x(), v.box.low.y(), v.box.high.y(), v.box.low.z(),

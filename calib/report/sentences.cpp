@@ -72,8 +72,7 @@ std::string refinement_text(const solver::Extrinsics& result) {
     case solver::LensRefinement::not_synchronised:
       return fmt::format(
           "{}; each is kept as its own camera's views determine it ({:.2f} px), because the cameras agree less well "
-          "with "
-          "one another ({:.2f} px): they are not quite synchronised",
+          "with one another ({:.2f} px): they are not quite synchronised",
           estimated_here(result), result.alone_px, result.adjustment.noise_px);
   }
   return "refining the lenses was asked for";

@@ -83,30 +83,19 @@ void doubt_scale(WaveReport& report, const WaveResult& result, Reader reader) {
                                         report.scale_from, 1e2 * result.scale.sigma, scale_advice(result, reader)));
   }
   if (is_measured && !result.guessed_radius && (result.size_ratio < small_ball || result.size_ratio > large_ball)) {
-    report.doubts.push_back(fmt::format(
-        "at this scale the ball appears {:.2f} times as large as its radius of {:.1f} mm: is the radius, or "
-        "the measured distance, wrong?",
-        result.size_ratio, 1e3 * result.radius_m));
+    report.doubts.push_back(
+        fmt::format("at this scale the ball appears {:.2f} times as large as its radius of {:.1f} mm: is the radius, "
+                    "or the measured distance, wrong?",
+                    result.size_ratio, 1e3 * result.radius_m));
   }
 }
 
 // Says: a source's name in a contradiction.
-std::string witness(const wave::ScaleSource& source) {
-  switch (source.kind) {
-    case Kind::camera_distance:
-      return "the tape between the cameras says";
-    case Kind::rest_distance:
-      return "the distance of the rests says";
-    case Kind::marks:
-      return "the marked points say";
-    case Kind::throws:
-      return "the throws say";
-    case Kind::rig_poses:
-      return "the rig's own poses say";
-    case Kind::ball_size:
-      break;
-  }
-  return "the ball's radius says";
+std::string_view witness(const wave::ScaleSource& source) {
+  static constexpr std::string_view names[] = {
+      "the tape between the cameras says", "the distance of the rests says", "the marked points say", "the throws say",
+      "the rig's own poses say",           "the ball's radius says"};
+  return names[std::size_t(source.kind)];
 }
 
 // Two sources of the scale that contradict one another, in metres of what was measured.
@@ -125,8 +114,7 @@ void doubt_sources(WaveReport& report, const WaveResult& result) {
       const double a_m = a.measured_m > 0 ? a.measured_m : metre, b_m = a_m * b.ratio / a.ratio;
       report.doubts.push_back(
           fmt::format("the scale is contradictory: {} {:.3f} +- {:.3f} m, {} {:.3f} +- {:.3f} m for the same length. "
-                      "Measure again, "
-                      "and check the lenses",
+                      "Measure again, and check the lenses",
                       witness(a), a_m, a_m * a.sigma, witness(b), b_m, b_m * b.sigma));
     }
   }
@@ -137,11 +125,11 @@ void doubt_measured(WaveReport& report, const WaveResult& result) {
   constexpr double least_off = 0.05, sigmas = 3;
   const WaveScale& scale = result.scale;
   if (std::abs(scale.over_rig - 1) <= std::max(least_off, sigmas * std::hypot(scale.rig_sigma, scale.sigma))) return;
-  report.doubts.push_back(fmt::format(
-      "{} makes everything {:.2f} times as large as in the rig, whose poses give the scale to {:.1f} %, and the ball "
-      "{:.2f} times as large as its radius: was it measured from lens to lens, in metres? If the rig's scale was only "
-      "a guess, this one is right: accept it",
-      report.scale_from, scale.over_rig, 1e2 * scale.rig_sigma, result.size_ratio));
+  report.doubts.push_back(
+      fmt::format("{} makes everything {:.2f} times as large as in the rig, whose poses give the scale to {:.1f} %, "
+                  "and the ball {:.2f} times as large as its radius: was it measured from lens to lens, in metres? If "
+                  "the rig's scale was only a guess, this one is right: accept it",
+                  report.scale_from, scale.over_rig, 1e2 * scale.rig_sigma, result.size_ratio));
 }
 
 void doubt_camera(WaveReport& report, const WaveResult& result, const WaveCamera& camera, const std::string& name) {
@@ -189,8 +177,8 @@ std::string volume_text(const WaveResult& result) {
     return fmt::format("[{:.2f}, {:.2f}, {:.2f}]", p.x(), p.y(), p.z());
   };
   return fmt::format(
-      "The ball was between {} and {} m of the rig's world: give such a part as object_tracking: {{volume: "
-      "{{min: ..., max: ...}}}}",
+      "The ball was between {} and {} m of the rig's world: give such a part as object_tracking: {{volume: {{min: ..., "
+      "max: ...}}}}",
       text_of(result.path_min), text_of(result.path_max));
 }
 
@@ -200,21 +188,21 @@ void note_lenses(WaveReport& report, const WaveResult& result, Reader reader) {
     const WaveCamera& camera = result.cameras[c];
     if (camera.lens_px < wrong_lens_px) continue;
     const bool is_focal = std::abs(camera.longer) > std::max(wrong_focal, 3 * camera.longer_sigma);
-    report.notes.push_back(fmt::format(
-        "{}'s lens does not fit: {}its pixels are {:.1f} px off (rms); the rig has the corrected lens. A lens from a "
-        "board is more accurate",
-        result.rig.cameras[c].name,
-        is_focal ? fmt::format("its focal length is {:.1f} % {} than given, ", 1e2 * std::abs(camera.longer),
-                               camera.longer > 0 ? "longer" : "shorter")
-                 : "",
-        camera.lens_px));
+    report.notes.push_back(
+        fmt::format("{}'s lens does not fit: {}its pixels are {:.1f} px off (rms); the rig has the corrected lens. A "
+                    "lens from a board is more accurate",
+                    result.rig.cameras[c].name,
+                    is_focal ? fmt::format("its focal length is {:.1f} % {} than given, ",
+                                           1e2 * std::abs(camera.longer), camera.longer > 0 ? "longer" : "shorter")
+                             : "",
+                    camera.lens_px));
     // Experiment (calib/wave/EXPERIMENTS.md): the stated error is 2 to 4 times too small then.
     if (is_focal)
-      report.doubts.push_back(fmt::format(
-          "{}'s focal length was given wrong, and positions may be several times less accurate than stated: calibrate "
-          "its lens with a board{}",
-          result.rig.cameras[c].name,
-          reader == Reader::terminal ? ", or give the lenses as guesses (--guess-lenses)" : ""));
+      report.doubts.push_back(
+          fmt::format("{}'s focal length was given wrong, and positions may be several times less accurate than "
+                      "stated: calibrate its lens with a board{}",
+                      result.rig.cameras[c].name,
+                      reader == Reader::terminal ? ", or give the lenses as guesses (--guess-lenses)" : ""));
   }
 }
 
@@ -225,18 +213,17 @@ void doubt_times(WaveReport& report, const WaveResult& result) {
     const WaveCamera& camera = result.cameras[c];
     const std::string& name = result.rig.cameras[c].name;
     if (camera.repeated > many_repeated) {
-      report.doubts.push_back(fmt::format(
-          "{}: {:.0f} % of its frames show the ball where it was a frame earlier, as if it repeated frames: "
-          "set a rate that it keeps in this light, and switch automatic exposure off",
-          name, 1e2 * camera.repeated));
+      report.doubts.push_back(
+          fmt::format("{}: {:.0f} % of its frames show the ball where it was a frame earlier, as if it repeated "
+                      "frames: set a rate that it keeps in this light, and switch automatic exposure off",
+                      name, 1e2 * camera.repeated));
     } else if (static_cast<std::ptrdiff_t>(c) == worst && camera.wander_s > much_wander_s &&
                camera.wander_sigmas > sure_wander) {
-      report.doubts.push_back(fmt::format(
-          "{}: its errors along the ball's path grow with the speed, {:.1f} ms, and change from second to second, as "
-          "if "
-          "its time stamps drift: the latency changes, the clock has another rate, or lost frames are not counted. "
-          "Record the driver's own stamps",
-          name, 1e3 * camera.wander_s));
+      report.doubts.push_back(
+          fmt::format("{}: its errors along the ball's path grow with the speed, {:.1f} ms, and change from second to "
+                      "second, as if its time stamps drift: the latency changes, the clock has another rate, or lost "
+                      "frames are not counted. Record the driver's own stamps",
+                      name, 1e3 * camera.wander_s));
     }
     const double unsure_s = result.held_poses ? result.rig.cameras[c].timing.latency_sigma_s.value_or(0) : 0;
     if (unsure_s > unsure_latency_s) {
@@ -248,8 +235,7 @@ void doubt_times(WaveReport& report, const WaveResult& result) {
     if (!wave::is_possible_readout(readout_s, camera.frame_s)) {
       report.doubts.push_back(
           fmt::format("{}: its readout would take {:.0f} ms, but its frames come every {:.0f} ms, which is impossible: "
-                      "the times or "
-                      "the poses are wrong. Wave faster, through more of its image",
+                      "the times or the poses are wrong. Wave faster, through more of its image",
                       name, 1e3 * readout_s, 1e3 * camera.frame_s));
     }
     if (camera.scatter_s > much_scatter_s) {
@@ -275,10 +261,9 @@ void doubt_positions(WaveReport& report, const WaveResult& result) {
   }
   if (result.halves_m > large_difference * result.camera_distance_m &&
       result.halves_m > unexpected_difference * result.halves_sigma_m) {
-    report.doubts.push_back(
-        fmt::format("the two halves of the recording disagree by {:.0f} mm: did a camera move meanwhile? Otherwise "
-                    "wave for longer",
-                    1e3 * result.halves_m));
+    report.doubts.push_back(fmt::format(
+        "the two halves of the recording disagree by {:.0f} mm: did a camera move meanwhile? Otherwise wave for longer",
+        1e3 * result.halves_m));
   }
 }
 

@@ -5,7 +5,6 @@
 
 #include <Eigen/Core>
 #include <array>
-#include <vector>
 
 #include "calib/solver/bundle_adjustment.h"
 

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <optional>
 
 #include "calib/model/cross_matrix.h"
 #include "calib/model/index.h"

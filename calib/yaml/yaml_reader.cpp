@@ -467,10 +467,6 @@ double YamlReader::number(std::string_view key, Range range) const {
   return node_->number(entry, entry.value, "", range);
 }
 
-double YamlReader::number(std::string_view key, Range range, double default_value) const {
-  return has(key) ? number(key, range) : default_value;
-}
-
 std::int64_t YamlReader::integer(std::string_view key, Range range) const {
   const auto& entry = node_->required(key);
   const auto value = is_plain(entry.value) ? parse_integer(entry.value.Scalar()) : std::nullopt;
@@ -481,10 +477,6 @@ std::int64_t YamlReader::integer(std::string_view key, Range range) const {
     node_->fail(entry, "must be " + described(range) + " (is " + std::to_string(*value) + ")");
   }
   return *value;
-}
-
-std::int64_t YamlReader::integer(std::string_view key, Range range, std::int64_t default_value) const {
-  return has(key) ? integer(key, range) : default_value;
 }
 
 bool YamlReader::boolean(std::string_view key) const {
@@ -499,10 +491,6 @@ bool YamlReader::boolean(std::string_view key) const {
                          as_end(is_word ? boolean_hint(entry.value.Scalar()) : ""));
 }
 
-bool YamlReader::boolean(std::string_view key, bool default_value) const {
-  return has(key) ? boolean(key) : default_value;
-}
-
 bool YamlReader::is_list(std::string_view key) const {
   return has(key) && node_->required(key).value.IsSequence();
 }
@@ -512,10 +500,6 @@ std::string YamlReader::string(std::string_view key) const {
   return node_->string(entry, entry.value, "");
 }
 
-std::string YamlReader::string(std::string_view key, const std::string& default_value) const {
-  return has(key) ? string(key) : default_value;
-}
-
 std::string YamlReader::choice(std::string_view key, std::span<const std::string_view> words) const {
   const auto& entry = node_->required(key);
   const std::string word = node_->string(entry, entry.value, "");
@@ -523,11 +507,6 @@ std::string YamlReader::choice(std::string_view key, std::span<const std::string
   const auto near = nearest_word(word, std::vector<std::string>(words.begin(), words.end()));
   node_->fail(entry, fmt::format("must be one of {}, got {}{}", fmt::join(words, ", "), in_quotes(word),
                                  near ? " (did you mean " + *near + "?)" : ""));
-}
-
-std::string YamlReader::choice(std::string_view key, std::span<const std::string_view> words,
-                               const std::string& default_value) const {
-  return has(key) ? choice(key, words) : default_value;
 }
 
 std::vector<double> YamlReader::numbers(std::string_view key, std::size_t min_count, std::size_t max_count,

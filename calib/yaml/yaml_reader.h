@@ -60,17 +60,25 @@ class YamlReader {
   bool is_mapping(std::string_view key) const;  // false if absent; counts as a request
   bool is_list(std::string_view key) const;     // false if absent; counts as a request
   double number(std::string_view key, Range range) const;
-  double number(std::string_view key, Range range, double default_value) const;
+  double number(std::string_view key, Range range, double default_value) const {
+    return has(key) ? number(key, range) : default_value;
+  }
   std::int64_t integer(std::string_view key, Range range) const;
-  std::int64_t integer(std::string_view key, Range range, std::int64_t default_value) const;
+  std::int64_t integer(std::string_view key, Range range, std::int64_t default_value) const {
+    return has(key) ? integer(key, range) : default_value;
+  }
   bool boolean(std::string_view key) const;
-  bool boolean(std::string_view key, bool default_value) const;
+  bool boolean(std::string_view key, bool default_value) const { return has(key) ? boolean(key) : default_value; }
   std::string string(std::string_view key) const;  // not empty
-  std::string string(std::string_view key, const std::string& default_value) const;
+  std::string string(std::string_view key, const std::string& default_value) const {
+    return has(key) ? string(key) : default_value;
+  }
   // One of `words`; the error message lists them and suggests the nearest.
   std::string choice(std::string_view key, std::span<const std::string_view> words) const;
   std::string choice(std::string_view key, std::span<const std::string_view> words,
-                     const std::string& default_value) const;
+                     const std::string& default_value) const {
+    return has(key) ? choice(key, words) : default_value;
+  }
   // A list of min_count to max_count numbers.
   std::vector<double> numbers(std::string_view key, std::size_t min_count, std::size_t max_count, Range range) const;
   std::vector<std::vector<double>> rows(std::string_view key, std::size_t row_count, std::size_t column_count) const;

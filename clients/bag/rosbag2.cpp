@@ -142,9 +142,8 @@ class Rosbag2Writer final : public BagWriter {
           topics_[t].name, topics_[t].type, quoted(offered_qos_profiles(topics_[t])), counts_[t]);
     return fmt::format(
         "rosbag2_bagfile_information:\n  version: 5\n  storage_identifier: sqlite3\n  duration:\n    nanoseconds: {1}\n"
-        "  starting_time:\n    nanoseconds_since_epoch: {0}\n  message_count: {2}\n  topics_with_message_count:\n{3}"
-        "  compression_format: \"\"\n  compression_mode: \"\"\n  relative_file_paths:\n    - {4}\n  files:\n    - "
-        "path: "
+        "  starting_time:\n    nanoseconds_since_epoch: {0}\n  message_count: {2}\n  topics_with_message_count:\n{3}  "
+        "compression_format: \"\"\n  compression_mode: \"\"\n  relative_file_paths:\n    - {4}\n  files:\n    - path: "
         "{4}\n"
         "      starting_time:\n        nanoseconds_since_epoch: {0}\n      duration:\n        nanoseconds: {1}\n"
         "      message_count: {2}\n",

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "calib/files/joined.h"
+#include "calib/files/number_text.h"
 #include "calib/files/output_file.h"
 #include "calib/files/text_file.h"
 #include "idl/arrivals.h"
@@ -103,12 +104,6 @@ std::string mark_of(std::string text, const std::string& publisher) {
   return text + "   NOT THE SAME PUBLISHER: " + publisher + "\n";
 }
 
-// "ball_3" is one of several objects of the target "ball".
-bool is_object_of(std::string_view name, std::string_view target) {
-  if (!name.starts_with(target) || name.size() < target.size() + 2 || name[target.size()] != '_') return false;
-  return std::ranges::all_of(name.substr(target.size() + 1), [](char c) { return c >= '0' && c <= '9'; });
-}
-
 }  // namespace
 
 void say(const std::string& sentence) {
@@ -182,7 +177,7 @@ class TopicWatch {
   bool take(const Received<Sample>& received, Clock::time_point now) {
     const std::string& name = name_of(received.sample);
     if (seen_targets_.size() < most_names) seen_targets_.insert(name);
-    if (!wanted_.empty() && name != wanted_ && !is_object_of(name, wanted_)) return true;
+    if (!wanted_.empty() && name != wanted_ && !files::is_object_of(name, wanted_)) return true;
     target_width_ = std::max(target_width_, name.size());
     std::string text = line(options_.format, received.sample, unix_now(), target_width_);
     if (!received.other_publisher.empty()) return take_of_other_publisher(received, std::move(text));
@@ -217,7 +212,7 @@ class TopicWatch {
     std::set<std::string> targets = subscription_->targets();
     targets.insert(seen_targets_.begin(), seen_targets_.end());
     const bool may_come = std::ranges::any_of(targets, [&](const auto& target) {
-      return target == wanted_ || is_object_of(wanted_, target);  // an object of a target that is published
+      return target == wanted_ || files::is_object_of(wanted_, target);  // an object of a target that is published
     });
     if (wanted_.empty() || targets.empty() || may_come || targets == reported_targets_) return;
     say("no publisher of " + std::string(words_.one) + " " + wanted_ + " on domain " +

@@ -1,6 +1,5 @@
 #include "control.h"
 
-#include <fcntl.h>
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -15,6 +14,7 @@
 #include <stdexcept>
 
 #include "calib/files/joined.h"
+#include "calib/files/output_file.h"
 #include "calib/files/text_file.h"
 #include "clients/live_view/page_server.h"
 #include "clients/live_view/recording_download.h"
@@ -100,46 +100,25 @@ class ControlConnection {
 // Writes a file that appears only when it is complete, or stdout.
 class ControlOutput {
  public:
-  // Throws std::runtime_error: the file exists or cannot be created.
-  explicit ControlOutput(const std::filesystem::path& file) : file_(file), part_(file.string() + ".part") {
-    if (file_ == "-") return;
+  // This and the other members throw std::runtime_error: the file exists or cannot be written.
+  explicit ControlOutput(const std::filesystem::path& file) {
+    if (file == "-") return;
     std::error_code none;
-    if (std::filesystem::exists(file_, none))
-      throw std::runtime_error(file_.string() + " exists; give another name with --out");
-    fd_ = ::open(part_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
-    if (fd_ < 0) fail();
+    if (std::filesystem::exists(file, none))
+      throw std::runtime_error(file.string() + " exists; give another name with --out");
+    file_.emplace(file);
   }
-  ~ControlOutput() {
-    if (fd_ == STDOUT_FILENO) return;
-    ::close(fd_);
-    std::error_code none;
-    if (!is_whole_) std::filesystem::remove(part_, none);
-  }
-  ControlOutput(const ControlOutput&) = delete;
-  ControlOutput& operator=(const ControlOutput&) = delete;
-
-  void write(const char* data, std::size_t size) {
-    while (size > 0) {
-      const ssize_t written = ::write(fd_, data, size);
-      if (written < 0 && errno == EINTR) continue;
-      if (written <= 0) fail();
-      data += written;
-      size -= std::size_t(written);
-    }
+  void write(std::string_view bytes) {
+    if (file_) return file_->write(bytes);
+    if (files::write_all(STDOUT_FILENO, bytes) != bytes.size())
+      throw std::runtime_error(std::string("cannot write stdout: ") + std::strerror(errno));
   }
   void finish() {
-    if (fd_ == STDOUT_FILENO) return;
-    if (::fsync(fd_) != 0 || ::rename(part_.c_str(), file_.c_str()) != 0) fail();
-    is_whole_ = true;
+    if (file_) file_->finish();
   }
 
  private:
-  [[noreturn]] void fail() const {
-    throw std::runtime_error(fmt::format("cannot write {}: {}", file_.string(), std::strerror(errno)));
-  }
-  const std::filesystem::path file_, part_;
-  int fd_ = STDOUT_FILENO;
-  bool is_whole_ = false;
+  std::optional<files::WholeFile> file_;  // none: stdout
 };
 
 int fetch(ControlConnection& connection, const Addressed& service, const std::vector<std::string>& what,
@@ -154,7 +133,7 @@ int fetch(ControlConnection& connection, const Addressed& service, const std::ve
     if (state == RecordingDownload::State::failed) throw std::runtime_error(download.failure());
     if (state == RecordingDownload::State::awaited) continue;
     if (!to) to.emplace(file);  // not before the first piece
-    while (const std::size_t n = download.read(part.data(), part.size())) to->write(part.data(), n);
+    while (const std::size_t n = download.read(part.data(), part.size())) to->write({part.data(), n});
     if (download.state() != RecordingDownload::State::ended) continue;
     to->finish();
     say(fmt::format("{} bytes in {}{}", download.bytes(), file.string(),

@@ -109,10 +109,9 @@ void CommandLine::add_watch() {
                   "text (default), csv, json, tum (timestamp tx ty tz qx qy qz qw; of a camera only while its state is "
                   "tracking) or, with --udp, osc (Open Sound Control)")
       ->check(CLI::IsMember({"text", "csv", "json", "tum", "osc"}));
-  command.add_option(
-      "--udp", watch_.udp,
-      "HOST:PORT: send each sample there as a datagram, as json (default), osc or another format, instead of printing "
-      "it");
+  command.add_option("--udp", watch_.udp,
+                     "HOST:PORT: send each sample there as a datagram, as json (default), osc or another format, "
+                     "instead of printing it");
   add_samples(command);
 }
 

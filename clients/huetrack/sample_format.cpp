@@ -8,6 +8,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "calib/files/median.h"
+#include "calib/files/number_text.h"
 #include "calib/files/text_file.h"
 #include "idl/names.h"
 #include "osc.h"
@@ -17,11 +19,6 @@ namespace huetrack::client {
 namespace {
 
 constexpr double ns_per_ms = 1e6;
-
-// Seconds with nine exact decimals: a double is not precise enough.
-std::string unix_seconds(std::int64_t ns) {
-  return fmt::format("{}{}.{:09}", ns < 0 ? "-" : "", std::abs(ns / ns_per_s), std::abs(ns % ns_per_s));
-}
 
 bool has_position(const msg::ObjectPosition& sample) {
   return sample.state() == msg::TRACK_STATE_TRACKING || sample.state() == msg::TRACK_STATE_COASTING;
@@ -33,7 +30,7 @@ std::string csv_number(double value) {
 }
 
 std::string csv_line(const msg::ObjectPosition& s) {
-  std::string out = fmt::format("{},{}", s.target(), unix_seconds(s.captured_at()));
+  std::string out = fmt::format("{},{}", s.target(), files::seconds_text(s.captured_at()));
   const auto add = [&](double value) { fmt::format_to(std::back_inserter(out), ",{}", csv_number(value)); };
   std::ranges::for_each(s.position(), add);
   std::ranges::for_each(s.velocity(), add);
@@ -43,7 +40,7 @@ std::string csv_line(const msg::ObjectPosition& s) {
 
 std::string tum_line(const msg::ObjectPosition& s) {
   if (!has_position(s)) return "";
-  return fmt::format("{} {} 0 0 0 1\n", unix_seconds(s.captured_at()), fmt::join(s.position(), " "));
+  return fmt::format("{} {} 0 0 0 1\n", files::seconds_text(s.captured_at()), fmt::join(s.position(), " "));
 }
 
 template <typename Float>
@@ -70,7 +67,7 @@ std::string json_line(const msg::ObjectPosition& s) {
       R"("position":{},"velocity":{},"covariance":{},"map_position":{},"views":{},"confidence":{},)"
       R"("particle_count":{},"effective_sample_size":{},"per_view":[{}]}})"
       "\n",
-      files::in_json_quotes(s.target()), unix_seconds(s.captured_at()), s.captured_at(), s.received_at(),
+      files::in_json_quotes(s.target()), files::seconds_text(s.captured_at()), s.captured_at(), s.received_at(),
       s.published_at(), s.set_number(), idl::state_name(s.state()), json_array(s.position()), json_array(s.velocity()),
       json_array(s.covariance()), json_array(s.map_position()), s.views(), json_number(s.confidence()),
       s.particle_count(), json_number(s.effective_sample_size()), fmt::join(views, ","));
@@ -103,7 +100,7 @@ std::string text_line(const msg::ObjectPosition& s, std::int64_t received_at, st
 }
 
 std::string csv_line(const msg::CameraPose& s) {
-  std::string out = fmt::format("{},{}", s.camera(), unix_seconds(s.captured_at()));
+  std::string out = fmt::format("{},{}", s.camera(), files::seconds_text(s.captured_at()));
   const auto add = [&](double value) { fmt::format_to(std::back_inserter(out), ",{}", csv_number(value)); };
   std::ranges::for_each(s.position(), add);
   std::ranges::for_each(s.orientation(), add);
@@ -115,7 +112,7 @@ std::string csv_line(const msg::CameraPose& s) {
 
 std::string tum_line(const msg::CameraPose& s) {
   if (s.state() != msg::CAMERA_STATE_TRACKING) return "";
-  return fmt::format("{} {} {}\n", unix_seconds(s.captured_at()), fmt::join(s.position(), " "),
+  return fmt::format("{} {} {}\n", files::seconds_text(s.captured_at()), fmt::join(s.position(), " "),
                      fmt::join(s.orientation(), " "));
 }
 
@@ -125,7 +122,7 @@ std::string json_line(const msg::CameraPose& s) {
       R"("position":{},"orientation":{},"covariance":{},"features_in_view":{},"features_matched":{},"map_points":{},)"
       R"("confidence":{},"particle_count":{},"effective_sample_size":{}}})"
       "\n",
-      files::in_json_quotes(s.camera()), unix_seconds(s.captured_at()), s.captured_at(), s.received_at(),
+      files::in_json_quotes(s.camera()), files::seconds_text(s.captured_at()), s.captured_at(), s.received_at(),
       s.published_at(), s.frame_number(), idl::state_name(s.state()), json_array(s.position()),
       json_array(s.orientation()), json_array(s.covariance()), s.features_in_view(), s.features_matched(),
       s.map_points(), json_number(s.confidence()), s.particle_count(), json_number(s.effective_sample_size()));
@@ -196,10 +193,8 @@ std::string latency_words(const msg::ServiceStatus& s, std::span<const msg::Obje
         }))
       ns.push_back(position.published_at() - position.received_at());
   if (ns.empty()) return {};
-  const auto middle = ns.begin() + static_cast<std::ptrdiff_t>(ns.size() / 2);
-  std::ranges::nth_element(ns, middle);
-  return fmt::format("{} ms from the last byte of its pictures to a position, median of {}", latency_ms(0, *middle, 1),
-                     ns.size());
+  return fmt::format("{} ms from the last byte of its pictures to a position, median of {}",
+                     latency_ms(0, files::median(ns), 1), ns.size());
 }
 
 // "pi-3: 40.013 ms ahead of ours +- 0.052, drifts by 50.1 ppm, answers within 0.21 ms; NTP says: kept to 0.30 ms".

@@ -20,14 +20,13 @@
 #include <condition_variable>
 #include <cstring>
 #include <map>
-#include <memory>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <stdexcept>
 #include <string_view>
 #include <thread>
 #include <utility>
-#include <vector>
 
 #include "clients/live_view/page_files.h"
 #include "clients/live_view/web_sockets.h"
@@ -45,7 +44,7 @@ constexpr std::size_t most_bodies = 2 << 20;  // bytes, of all requests that com
 constexpr auto look_round_period = std::chrono::milliseconds(250);
 constexpr int many_connections = 100;
 
-constexpr std::string_view download_path = "/api/recordings/", download_kind = ".tar", picture_kind = ".jpg";
+constexpr std::string_view recordings_path = "/api/recordings/", recording_kind = ".tar", picture_kind = ".jpg";
 constexpr std::string_view report_path = "/api/calibration.html", board_path = "/api/board.pdf";
 constexpr std::size_t download_block = 64 * 1024;
 
@@ -475,41 +474,35 @@ struct PageServer::Impl {
     delete static_cast<std::shared_ptr<Transfer>*>(closure);  // made in download(), owned by MHD's response since
   }
 
-  MHD_Result download_recording(MHD_Connection* connection, std::string_view path, Request& request) {
-    path.remove_prefix(download_path.size());
-    path.remove_suffix(download_kind.size());
-    const std::string name(path);
-    if (!idl::is_recording_name(name)) return refuse(connection, MHD_HTTP_NOT_FOUND, "That is no recording's name.");
-    return download(connection, request, RecordingDownload::recording_words(name), [&](MHD_Response* response) {
-      add_safety(response);
-      MHD_add_response_header(response, "Content-Type", "application/x-tar");
-      MHD_add_response_header(response, "Content-Disposition",
-                              ("attachment; filename=\"" + name + std::string(download_kind) + "\"").c_str());
-    });
-  }
+  // How a download is served.
+  struct Served {
+    const char* type;
+    const char* policy = "sandbox; default-src 'none'";
+    std::string saved_as = {};  // empty: the browser shows it
+  };
 
-  // A picture of the recording, for the page's list.
-  MHD_Result show_picture(MHD_Connection* connection, std::string_view path, Request& request) {
-    path.remove_prefix(download_path.size());
-    path.remove_suffix(picture_kind.size());
-    const std::string name(path);
+  // NAME.tar, a recording, or NAME.jpg, its picture for the page's list. nullopt: another path.
+  std::optional<MHD_Result> get_recording(MHD_Connection* connection, std::string_view path, Request& request) {
+    const bool is_tar = path.ends_with(recording_kind);
+    if (!path.starts_with(recordings_path) || (!is_tar && !path.ends_with(picture_kind))) return std::nullopt;
+    static_assert(recording_kind.size() == picture_kind.size());
+    const std::size_t length = path.size() - std::min(path.size(), recordings_path.size() + picture_kind.size());
+    const std::string name(path.substr(recordings_path.size(), length));
     if (!idl::is_recording_name(name)) return refuse(connection, MHD_HTTP_NOT_FOUND, "That is no recording's name.");
-    return download(connection, request, RecordingDownload::picture_words(name), [](MHD_Response* response) {
-      add_safety(response, "sandbox; default-src 'none'");
-      MHD_add_response_header(response, "Content-Type", "image/jpeg");
-    });
+    if (!is_tar) return download(connection, request, RecordingDownload::picture_words(name), {.type = "image/jpeg"});
+    return download(connection, request, RecordingDownload::recording_words(name),
+                    {.type = "application/x-tar", .policy = own_policy, .saved_as = name + ".tar"});
   }
 
   // The report comes from the bus and is not trusted: sandboxed.
-  MHD_Result show_report(MHD_Connection* connection, Request& request) {
-    return download(connection, request, RecordingDownload::report_words(), [](MHD_Response* response) {
-      add_safety(response, "sandbox; default-src 'none'; img-src data:; style-src 'unsafe-inline'");
-      MHD_add_response_header(response, "Content-Type", "text/html; charset=utf-8");
-    });
+  MHD_Result get_report(MHD_Connection* connection, Request& request) {
+    return download(connection, request, RecordingDownload::report_words(),
+                    {.type = "text/html; charset=utf-8",
+                     .policy = "sandbox; default-src 'none'; img-src data:; style-src 'unsafe-inline'"});
   }
 
   // The query's words are checked by the service.
-  MHD_Result show_board(MHD_Connection* connection, Request& request) {
+  MHD_Result get_board(MHD_Connection* connection, Request& request) {
     std::vector<std::string> board;
     const auto add = [](void* words, MHD_ValueKind, const char* key, const char* value) -> MHD_Result {
       auto& of = *static_cast<std::vector<std::string>*>(words);
@@ -517,17 +510,13 @@ struct PageServer::Impl {
       return of.size() < idl::most_control_words ? MHD_YES : MHD_NO;
     };
     MHD_get_connection_values(connection, MHD_GET_ARGUMENT_KIND, add, &board);
-    return download(connection, request, RecordingDownload::print_words(board), [](MHD_Response* response) {
-      add_safety(response, "sandbox; default-src 'none'");
-      MHD_add_response_header(response, "Content-Type", "application/pdf");
-      MHD_add_response_header(response, "Content-Disposition", "attachment; filename=\"board.pdf\"");
-    });
+    return download(connection, request, RecordingDownload::print_words(board),
+                    {.type = "application/pdf", .saved_as = "board.pdf"});
   }
 
   // Called again when the first piece was received, or the service has refused.
-  template <typename AddHeaders>
   MHD_Result download(MHD_Connection* connection, Request& request, const std::vector<std::string>& words,
-                      const AddHeaders& add_headers) {
+                      const Served& served) {
     // A page of another origin could not read it, but make the service read its disk.
     const std::string_view site = header(connection, "Sec-Fetch-Site");
     if (!is_of_our_page(connection) || (!site.empty() && site != "same-origin" && site != "none"))
@@ -556,7 +545,11 @@ struct PageServer::Impl {
         coming.bytes(), download_block, &Impl::read_transfer, closure.get(), &Impl::end_transfer);
     if (response == nullptr) return MHD_NO;
     static_cast<void>(closure.release());  // the response's from now on
-    add_headers(response);
+    add_safety(response, served.policy);
+    MHD_add_response_header(response, "Content-Type", served.type);
+    if (!served.saved_as.empty())
+      MHD_add_response_header(response, "Content-Disposition",
+                              ("attachment; filename=\"" + served.saved_as + "\"").c_str());
     const MHD_Result result = MHD_queue_response(connection, MHD_HTTP_OK, response);
     MHD_destroy_response(response);
     return result;
@@ -567,14 +560,9 @@ struct PageServer::Impl {
       return refuse(connection, MHD_HTTP_FORBIDDEN,
                     "A token is needed: open the address that `huetrack view` printed.");
     if (path == "/api/events") return stream(connection);
-    const auto is_recording_as = [&](std::string_view kind) {
-      return path.size() > download_path.size() + kind.size() && path.starts_with(download_path) &&
-             path.ends_with(kind);
-    };
-    if (is_recording_as(download_kind)) return download_recording(connection, path, request);
-    if (is_recording_as(picture_kind)) return show_picture(connection, path, request);
-    if (path == report_path) return show_report(connection, request);
-    if (path == board_path) return show_board(connection, request);
+    if (const auto sent = get_recording(connection, path, request)) return *sent;
+    if (path == report_path) return get_report(connection, request);
+    if (path == board_path) return get_board(connection, request);
     if (path == "/api/v1/positions") return stream_or_socket(connection, "position");
     if (path == "/api/v1/camera_poses") return stream_or_socket(connection, "camera_pose");
     // The token moves from the address into a cookie, so that it stays out of histories and links.

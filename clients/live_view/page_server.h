@@ -2,7 +2,6 @@
 // each connection has small buffers and a time limit, so that a slow or broken one does not delay others.
 #pragma once
 
-#include <cstddef>
 #include <functional>
 #include <memory>
 #include <string>

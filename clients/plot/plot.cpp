@@ -12,7 +12,6 @@
 #include "calib/files/output_file.h"
 #include "clients/plot/track_chart.h"
 #include "drawing/markup.h"
-#include "truth/alignment.h"
 
 namespace huetrack::plot {
 namespace {
@@ -50,8 +49,7 @@ std::string html_of(const std::vector<ChartTarget>& targets, const ChartStyle& s
          "system-ui,sans-serif;margin:16px;color:#16191d;background:#fff}h1{font-size:20px}ul{padding-left:20px}svg{"
          "width:100%;height:auto;max-width:1500px}svg.narrow{display:none}@media(max-width:800px){svg.wide{display:"
          "none}svg.narrow{display:block}}@media(prefers-color-scheme:dark){body{color:#e8ebef;background:#141414}svg{"
-         "filter:invert(.92) "
-         "hue-rotate(180deg)}}</style></head>\n<body><h1>" +
+         "filter:invert(.92) hue-rotate(180deg)}}</style></head>\n<body><h1>" +
          escaped(style.title) + "</h1>\n<ul>\n" + rows + "</ul>\n" + drawings + "</body></html>\n";
 }
 

@@ -5,7 +5,6 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
-#include <cmath>
 
 #include "calib/model/median.h"
 #include "camera_tracking/rectangle_finder.h"

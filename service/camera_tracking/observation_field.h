@@ -2,8 +2,6 @@
 // look-up table for the particles.
 #pragma once
 
-#include <cstddef>
-#include <cstdint>
 #include <optional>
 #include <span>
 #include <vector>

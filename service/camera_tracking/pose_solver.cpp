@@ -8,6 +8,7 @@
 #include <limits>
 #include <opencv2/calib3d.hpp>
 
+#include "calib/model/cross_matrix.h"
 #include "calib/model/median.h"
 #include "particle_filter/random.h"
 
@@ -38,10 +39,8 @@ double cost(const calib::CameraModel& lens, std::span<const PoseObservation> obs
 }  // namespace
 
 Eigen::Matrix<double, 2, 6> pose_jacobian(const calib::CameraModel::Jacobian& d_px_d_cam, const Eigen::Vector3d& p) {
-  Eigen::Matrix3d minus_cross;
-  minus_cross << 0, p.z(), -p.y(), -p.z(), 0, p.x(), p.y(), -p.x(), 0;
   Eigen::Matrix<double, 2, 6> j;
-  j.leftCols<3>() = d_px_d_cam * minus_cross;
+  j.leftCols<3>() = -d_px_d_cam * calib::cross_matrix(p);
   j.rightCols<3>() = d_px_d_cam;
   return j;
 }

@@ -1,6 +1,5 @@
 #include "camera_tracking/scene_map.h"
 
-#include <algorithm>
 #include <cstring>
 #include <stdexcept>
 #include <string>
@@ -88,10 +87,6 @@ class Reader {
 };
 
 }  // namespace
-
-int SceneMap::alive_count() const {
-  return static_cast<int>(std::ranges::count_if(points, [](const MapPoint& p) { return p.alive; }));
-}
 
 void describe(PointView& view, const Pyramid& pyramid) {
   const GreyImage& image = pyramid.level(view.level);

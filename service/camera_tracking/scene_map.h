@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
 #include <filesystem>
 #include <memory>
@@ -71,7 +72,9 @@ struct SceneMap {
   Eigen::Matrix<double, 6, 6> start_covariance = Eigen::Matrix<double, 6, 6>::Zero();
   Eigen::Vector3d start_centre = Eigen::Vector3d::Zero();
 
-  int alive_count() const;
+  int alive_count() const {
+    return static_cast<int>(std::ranges::count_if(points, [](const MapPoint& p) { return p.alive; }));
+  }
   MapPoint& point(int i) { return points[static_cast<std::size_t>(i)]; }
   const MapPoint& point(int i) const { return points[static_cast<std::size_t>(i)]; }
   Keyframe& keyframe(int i) { return keyframes[static_cast<std::size_t>(i)]; }

@@ -1,14 +1,9 @@
 #include "camera_tracking/swept_pose.h"
 
 #include <Eigen/Geometry>
-#include <algorithm>
 #include <cmath>
 
 namespace huetrack::camera_tracking {
-
-double Sweep::fraction(double row) const {
-  return std::clamp(row / last_row - 0.5, -0.75, 0.75);
-}
 
 calib::Rigid3d Sweep::row_from_middle(double row) const {
   const double s = fraction(row);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <optional>
 
 #include "calib/model/camera_model.h"
@@ -16,7 +17,7 @@ struct Sweep {
   calib::Tangent6d bend = calib::Tangent6d::Zero();    // readout time^2 * acceleration
   double last_row = 1;                                 // index; 0 is the topmost one
 
-  double fraction(double row) const;  // clamped to +-0.75
+  double fraction(double row) const { return std::clamp(row / last_row - 0.5, -0.75, 0.75); }  // clamped to +-0.75
   calib::Rigid3d row_from_middle(double row) const;
   // d (pixel of a patch if all of its rows were exposed at the given row's time) / d (pixel as exposed row by row).
   //   p_cam, d_px_d_cam  the patch's centre in the frame of its row, and the lens' Jacobian there

@@ -3,17 +3,8 @@
 namespace huetrack::capture {
 
 std::string_view name(CaptureState state) {
-  switch (state) {
-    case CaptureState::waiting:
-      return "waiting";
-    case CaptureState::delivering:
-      return "delivering";
-    case CaptureState::stalled:
-      return "stalled";
-    case CaptureState::absent:
-      break;
-  }
-  return "absent";
+  static constexpr std::string_view names[] = {"waiting", "delivering", "stalled", "absent"};
+  return names[std::size_t(state)];
 }
 
 void DamageWatch::add(bool is_damaged) {

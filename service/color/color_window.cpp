@@ -1,12 +1,9 @@
 #include "color/color_window.h"
 
 #include <algorithm>
-#include <array>
 #include <bit>
-#include <cmath>
 #include <cstring>
 #include <limits>
-#include <utility>
 
 #include "color/match_tiles.h"
 #include "color/unit_filter.h"

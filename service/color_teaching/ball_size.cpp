@@ -363,8 +363,7 @@ RadiusProposal voted_radius(const calib::CameraRig& rig, std::span<const BallMom
     out.why_not =
         "the views do not meet in one place: another thing was pointed at, the calibration is not right, or the object "
         "moved between the pictures of cameras that are not synchronised, like webcams: let it rest, or choose a "
-        "moment "
-        "at which it rests";
+        "moment at which it rests";
     return out;
   }
   const Outlines outlines = outlines_of(rig, moments, radii);

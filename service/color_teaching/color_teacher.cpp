@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -153,10 +152,6 @@ std::string percent(double share) {
 }
 
 }  // namespace
-
-bool Taught::any() const {
-  return std::ranges::any_of(views, &TaughtView::pointed);
-}
 
 ColorTeacher::ColorTeacher(const calib::CameraRig& rig, const capture::FrameSet& set,
                            const std::vector<std::vector<capture::Image>>& others, bool has_poses)

@@ -3,10 +3,10 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cstddef>
 #include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "calib/model/camera_rig.h"
@@ -55,8 +55,8 @@ struct TaughtView {
 inline constexpr double least_object_share = 0.5;
 
 struct Taught {
-  std::vector<TaughtView> views;  // per camera of the rig
-  bool any() const;               // something was learnt
+  std::vector<TaughtView> views;                                                 // per camera of the rig
+  bool any() const { return std::ranges::any_of(views, &TaughtView::pointed); }  // something was learnt
 };
 
 // thread-compatible. Keeps converted copies of the pictures.

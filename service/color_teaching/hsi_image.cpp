@@ -1,20 +1,8 @@
 #include "color_teaching/hsi_image.h"
 
-#include <algorithm>
-#include <cmath>
-#include <numbers>
-
 #include "color/image_color.h"
 
 namespace huetrack::color_teaching {
-
-std::size_t PixelMask::count() const {
-  return static_cast<std::size_t>(std::ranges::count(pixels, 1));
-}
-
-double MaskRegion::radius_px() const {
-  return std::sqrt(area / std::numbers::pi);
-}
 
 HsiImage hsi_image(const capture::Image& image) {
   return hsi_image(image, {0, 0, image.width - 1, image.height - 1});

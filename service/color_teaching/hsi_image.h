@@ -2,7 +2,10 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
+#include <numbers>
 #include <vector>
 
 #include "color/color_model.h"
@@ -22,7 +25,7 @@ struct PixelMask {
   std::uint8_t at(int u, int v) const {
     return pixels[static_cast<std::size_t>(v) * static_cast<std::size_t>(width) + static_cast<std::size_t>(u)];
   }
-  std::size_t count() const;
+  std::size_t count() const { return static_cast<std::size_t>(std::ranges::count(pixels, 1)); }
 };
 
 struct HsiImage {
@@ -46,7 +49,7 @@ struct MaskRegion {
   int area = 0;  // pixels
   Eigen::Vector2d centre{0, 0};
   color::PixelBox box{0, 0, -1, -1};
-  double radius_px() const;  // of a disc of this area
+  double radius_px() const { return std::sqrt(area / std::numbers::pi); }  // of a disc of this area
 };
 // 8-connected, at least min_area pixels, largest first.
 std::vector<MaskRegion> regions_of(const PixelMask& mask, int min_area);

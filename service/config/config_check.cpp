@@ -71,10 +71,9 @@ void check_object_tracking(const ServiceConfig& config, const yaml::YamlReader& 
   for (const auto& target : config.targets)
     particles += double(target.count) * config.object_tracking.max_particle_count;
   if (particles > most_particles)
-    tracking.fail("max_particle_count",
-                  fmt::format("makes {:.0f} particles of all objects together, and {:.0f} are the "
-                              "most: give fewer particles, or fewer targets",
-                              particles, most_particles));
+    tracking.fail("max_particle_count", fmt::format("makes {:.0f} particles of all objects together, and {:.0f} are "
+                                                    "the most: give fewer particles, or fewer targets",
+                                                    particles, most_particles));
   if (!config.targets.empty() && config.is_calibrated() && volume_coverage(config.rig, volume).by_one == 0)
     tracking.fail("volume", "no camera of the rig sees any of it: is the volume in the rig's world frame, in metres?");
 }
@@ -219,9 +218,10 @@ void check(const ServiceConfig& config, const yaml::YamlReader& root) {
   if (config.cameras.size() > calib::max_cameras)
     root.fail("cameras", fmt::format("are {}, and there may be {} at most", config.cameras.size(), calib::max_cameras));
   if (config.targets.size() > most_targets)
-    root.fail("targets", fmt::format("are {}, and {} at most can be tracked: each has particles, colour tables and "
-                                     "topics of its own",
-                                     config.targets.size(), most_targets));
+    root.fail(
+        "targets",
+        fmt::format("are {}, and {} at most can be tracked: each has particles, colour tables and topics of its own",
+                    config.targets.size(), most_targets));
   if (!config.is_calibrated() && !config.camera_tracking.camera.empty())
     root.map("camera_tracking").fail("camera", "cannot be tracked yet: rig is none");
   check_camera_tracking(config, root.map_or_empty("camera_tracking"));
@@ -361,8 +361,7 @@ std::vector<std::string> warnings_of(const ServiceConfig& config) {
         config.object_tracking.observation == object_tracking::Observation::paper
             ? "one camera: observation: paper leaves the distance open"
             : "one camera: a ball's distance follows from its size, to 20 % by its region, to 2 to 5 % once its "
-              "outline is "
-              "fitted, and is as wrong as its radius_m and the lens; targets of shape: blob are not found");
+              "outline is fitted, and is as wrong as its radius_m and the lens; targets of shape: blob are not found");
   else if (coverage.by_two < 0.5)
     warnings.push_back(
         fmt::format("only {} % of the volume is seen by two or more cameras: a target's depth is not fixed in the rest",
@@ -394,8 +393,7 @@ std::vector<std::string> warnings_of(const ServiceConfig& config) {
   }
   if (pairs.size() > most_pairs) {
     warnings.push_back(
-        fmt::format("{} pairs of targets have overlapping colours and may be taken for each other; the "
-                    "first: {}",
+        fmt::format("{} pairs of targets have overlapping colours and may be taken for each other; the first: {}",
                     pairs.size(), pairs.front()));
   } else {
     std::ranges::move(pairs, std::back_inserter(warnings));

@@ -2,11 +2,10 @@
 
 #include <fmt/format.h>
 
-#include <cerrno>
 #include <charconv>
-#include <fstream>
 #include <system_error>
 
+#include "calib/files/output_file.h"
 #include "calib/files/text_file.h"
 #include "calib/model/camera_rig.h"
 #include "calib/yaml/yaml_reader.h"
@@ -54,13 +53,7 @@ std::vector<KeptRoom> read_room(const std::filesystem::path& file, const std::st
 }
 
 void write_room(const std::filesystem::path& file, const std::vector<KeptRoom>& room, const std::string& rig_identity) {
-  const std::filesystem::path fresh = file.string() + ".fresh";
-  errno = 0;
-  std::ofstream out(fresh, std::ios::binary | std::ios::trunc);
-  out << room_to_yaml(room, rig_identity) << std::flush;
-  out.close();
-  if (!out) throw std::system_error(errno != 0 ? errno : EIO, std::generic_category(), fresh.string());
-  std::filesystem::rename(fresh, file);
+  files::write_whole_file(file, room_to_yaml(room, rig_identity));
 }
 
 std::string room_to_yaml(const std::vector<KeptRoom>& room, const std::string& rig_identity) {

@@ -4,7 +4,6 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <array>
 #include <cctype>
 #include <charconv>
 #include <cmath>
@@ -12,7 +11,6 @@
 #include <cstdint>
 #include <span>
 #include <string_view>
-#include <utility>
 
 #include "calib/files/nearest_word.h"
 #include "calib/files/number_text.h"
@@ -20,7 +18,6 @@
 #include "calib/model/rig_yaml.h"
 #include "calib/model/usual_lens.h"
 #include "calib/yaml/hints.h"
-#include "calib/yaml/yaml_reader.h"
 #include "capture/network_source.h"
 #include "config/config_check.h"
 #include "config/view_volume.h"
@@ -621,7 +618,7 @@ class Reader {
       if (!yaml_.has(key) && yaml_.has(said))
         yaml_.fail(said, "is not a known key: write device: /dev/v4l/by-path/..., an index, or rtsp://...");
     const std::string given = yaml_.string(key);
-    const bool is_index = given.size() < 4 && std::ranges::all_of(given, [](char c) { return c >= '0' && c <= '9'; });
+    const bool is_index = given.size() < 4 && std::ranges::all_of(given, files::is_digit);
     value = is_index ? fs::path("/dev/video" + given) : fs::path(given);
     if (!value.is_absolute() && !capture::is_network_address(given))
       yaml_.fail(key, "must be a path below /dev, an index, or an address like rtsp://..., got \"" + given +
@@ -840,9 +837,7 @@ void check_object_names(const yaml::YamlReader& root, const std::vector<object_t
   for (const auto& several : targets) {
     if (several.count == 1) continue;
     for (const auto& other : targets) {
-      if (!other.name.starts_with(several.name + "_")) continue;
-      const std::string_view number = std::string_view(other.name).substr(several.name.size() + 1);
-      if (number.empty() || !std::ranges::all_of(number, [](char c) { return c >= '0' && c <= '9'; })) continue;
+      if (!files::is_object_of(other.name, several.name)) continue;
       root.map("targets").fail(other.name, fmt::format("is the name of an object of {0}, which has a count: choose a "
                                                        "name other than {0} and a number",
                                                        several.name));

@@ -141,6 +141,11 @@ struct ServiceConfig {
 
   // If not, only `run` works: it shows the cameras.
   bool is_calibrated() const { return !rig_file.empty(); }
+  std::vector<std::string> target_names() const {
+    std::vector<std::string> names;
+    for (const auto& target : targets) names.push_back(target.name);
+    return names;
+  }
 };
 
 // The colour of a target without one: it matches nothing, because no pixel has saturation 1 and intensity 1.

@@ -13,7 +13,6 @@
 #include <functional>
 #include <limits>
 #include <stdexcept>
-#include <string>
 #include <string_view>
 #include <tuple>
 #include <vector>

@@ -105,16 +105,14 @@ void add_replay_command(CLI::App& app, Command& chosen) {
   command->add_option("config", replay_options.config, config_help)->required();
   command->add_option("recording", replay_options.recording, recording_help)->required();
   command
-      ->add_option(
-          "--speed", replay_options.speed,
-          "real: as recorded; 0.1 to 10: so many times that; max (default): as fast as possible, never dropping "
-          "a frame")
+      ->add_option("--speed", replay_options.speed,
+                   "real: as recorded; 0.1 to 10: so many times that; max (default): as fast as possible, never "
+                   "dropping a frame")
       ->transform(play_speed())
       ->type_name("max|real|0.1..10");
   command->add_flag(
       "--loop", replay_options.loops,
-      "begin again at the end, until Ctrl-C; published times go on rising, and --truth compares the first "
-      "pass");
+      "begin again at the end, until Ctrl-C; published times go on rising, and --truth compares the first pass");
   command->add_option("--tracks", replay_options.tracks, "write the tracks to this CSV file");
   command->add_option("--poses", replay_options.poses, poses_help);
   command->add_option("--pictures", replay_options.pictures,
@@ -127,8 +125,8 @@ void add_replay_command(CLI::App& app, Command& chosen) {
   const std::map<std::string, ReplayStamps> stamps{{"now", ReplayStamps::now}, {"recording", ReplayStamps::recording}};
   command
       ->add_option("--stamps", replay_options.stamps,
-                   "published capture times: now (default unless at speed max), as if captured now, or "
-                   "recording (default at speed max)")
+                   "published capture times: now (default unless at speed max), as if captured now, or recording "
+                   "(default at speed max)")
       ->transform(word_of(stamps))
       ->type_name("now|recording");
   command->add_option("--threads", replay_options.threads, "instead of the configuration's")->check(CLI::Range(1, 64));
@@ -144,11 +142,10 @@ void add_replay_command(CLI::App& app, Command& chosen) {
   command->add_flag("--no-dds", replay_options.no_dds, "do not publish");
   command->add_flag("--quiet", options->quiet,
                     "no progress bar, and of the summary only warnings and mistakes, to stderr");
-  command->add_flag(
-      "--strict", options->is_strict,
-      "exit status 3 if the tracks show a mistake in rig or configuration (lines `mistake` of the summary), a target "
-      "was never tracked, a camera was moved, blinded or hidden (lines `cameras`), or a colour left its range (lines "
-      "`light`)");
+  command->add_flag("--strict", options->is_strict,
+                    "exit status 3 if the tracks show a mistake in rig or configuration (lines `mistake` of the "
+                    "summary), a target was never tracked, a camera was moved, blinded or hidden (lines `cameras`), or "
+                    "a colour left its range (lines `light`)");
   const auto reload = [options](int code) {
     if (code == SI_KERNEL) return true;  // not kill -HUP: its terminal is gone
     options->reload = true;

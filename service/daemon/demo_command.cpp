@@ -7,13 +7,10 @@
 #include <fstream>
 #include <memory>
 #include <stdexcept>
-#include <stop_token>
 #include <string>
 #include <system_error>
-#include <vector>
 
 #include "calib/files/temporary_folder.h"
-#include "calib/model/rig_yaml.h"
 #include "config/service_config.h"
 #include "daemon/demo_cameras.h"
 #include "daemon/page_process.h"

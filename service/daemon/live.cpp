@@ -107,8 +107,7 @@ void refuse_what_cannot_be(const config::ServiceConfig& config, std::span<const 
                            const LiveCommand& options) {
   if (cameras.empty())
     throw std::runtime_error(config.file.string() +
-                             ": cameras: there are none: name the live cameras; "
-                             "ls -l /dev/v4l/by-path/ lists them");
+                             ": cameras: there are none: name the live cameras; ls -l /dev/v4l/by-path/ lists them");
   pipeline::refuse_outputs({.files = {options.tracks, options.poses, options.write_rig}}, pipeline::files_of(config));
   // Without a calibration there is nothing to save.
   if (!options.record_to.empty() || !options.write_rig.empty()) config::require_rig(config);

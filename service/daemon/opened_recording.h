@@ -3,7 +3,6 @@
 
 #include <memory>
 #include <optional>
-#include <string>
 
 #include "config/service_config.h"
 #include "daemon/played_source.h"

@@ -1,7 +1,6 @@
 #include "daemon/played_source.h"
 
 #include <algorithm>
-#include <utility>
 
 namespace huetrack::daemon {
 namespace {

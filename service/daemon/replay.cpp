@@ -5,10 +5,8 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <iterator>
-#include <memory>
 #include <mutex>
 #include <stdexcept>
 #include <thread>
@@ -137,9 +135,8 @@ class ReplayProgress final : public pipeline::Output {
       : bar_(wanted),
         session_(session),
         expected_(loops ? std::nullopt : playback.source().expected_frames()),
-        first_at_(playback.first_at) {
-    for (const auto& target : session.config().targets) targets_.push_back(target.name);
-  }
+        first_at_(playback.first_at),
+        targets_(session.config().target_names()) {}
   void begin(Clock::time_point at) { began_ = at; }
 
   void on_set(const pipeline::TrackedSet& set) override {

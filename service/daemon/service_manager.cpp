@@ -93,16 +93,9 @@ void set_up_log() {
 }
 
 void set_log_level(config::LogLevel level) {
-  switch (level) {
-    case config::LogLevel::debug:
-      return spdlog::set_level(spdlog::level::debug);
-    case config::LogLevel::info:
-      return spdlog::set_level(spdlog::level::info);
-    case config::LogLevel::warning:
-      return spdlog::set_level(spdlog::level::warn);
-    case config::LogLevel::error:
-      return spdlog::set_level(spdlog::level::err);
-  }
+  static constexpr spdlog::level::level_enum levels[] = {spdlog::level::debug, spdlog::level::info, spdlog::level::warn,
+                                                         spdlog::level::err};
+  spdlog::set_level(levels[std::size_t(level)]);
 }
 
 }  // namespace huetrack::daemon

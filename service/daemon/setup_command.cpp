@@ -8,7 +8,6 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <optional>
 #include <stdexcept>
 
 #include "calib/files/output_file.h"
@@ -68,9 +67,8 @@ std::string write_rig_of_one(const fs::path& config, const SetUpCamera& camera, 
   files::write_whole_file(file, rig_of_one_camera(camera, fov_deg));
   fmt::print(
       "written: {}: its picture is taken to be {:g} degrees wide; positions are uncertain by {:.0f} % of their "
-      "distance "
-      "for that alone. Delete both files and run setup --fov DEGREES if you know better, or calibrate the camera: "
-      "huetrack-calibrate intrinsics. A second camera would measure the distance itself.\n",
+      "distance for that alone. Delete both files and run setup --fov DEGREES if you know better, or calibrate the "
+      "camera: huetrack-calibrate intrinsics. A second camera would measure the distance itself.\n",
       file.string(), fov_deg.value_or(calib::usual_lens.fov_deg), 100 * log_focal_sigma(fov_deg));
   return one_camera_rig;
 }
@@ -82,19 +80,17 @@ void write_first_configuration(const SetUpCommand& command, const std::stop_toke
   for (const std::string& camera : left_out)
     fmt::print("left out: {}\n", files::printable(camera, files::longest_message));
   if (cameras.empty())
-    throw std::runtime_error(
-        fmt::format("{} was not written: no camera can be used here. Run huetrackd doctor to examine them; add network "
-                    "cameras manually (service/daemon/live.md). Without a camera, huetrackd demo shows the page on a "
-                    "recording",
-                    file.string()));
+    throw std::runtime_error(fmt::format(
+        "{} was not written: no camera can be used here. Run huetrackd doctor to examine them; add network cameras "
+        "manually (service/daemon/live.md). Without a camera, huetrackd demo shows the page on a recording",
+        file.string()));
   const std::string rig = cameras.size() == 1 ? write_rig_of_one(file, cameras.front(), command.fov_deg) : "";
   files::write_whole_file(file, first_configuration(cameras, memory_of_this_host(), rig));
   fmt::print("written: {}, with {} camera{}\n", file.string(), cameras.size(), cameras.size() == 1 ? "" : "s");
   if (cameras.size() == 1)
     fmt::print(
         "One camera: a ball's distance follows from its size in the picture, to some 2 to 5 per cent; set its radius "
-        "in "
-        "targets:. A second camera measures positions to millimetres: plug it in, and run setup with a new file.\n");
+        "in targets:. A second camera measures positions to millimetres: plug it in, and run setup with a new file.\n");
   for (const SetUpCamera& camera : cameras)
     fmt::print("  {} ({}x{}{}, {})\n", camera.device.string(), camera.width, camera.height,
                camera.fps > 0 ? fmt::format(" at {:.4g} frames/s", camera.fps) : "",
@@ -106,8 +102,7 @@ void write_first_configuration(const SetUpCommand& command, const std::stop_toke
   fmt::print(
       "The page may teach colours, calibrate and record, and so may every participant of this DDS domain. When all is "
       "set up, remove the line `control:` from the file, or keep DDS on this host: dds: {{interfaces: [lo]}}, and "
-      "huetrack "
-      "view --interface lo\n");
+      "huetrack view --interface lo\n");
 }
 
 }  // namespace
@@ -182,8 +177,7 @@ std::string rig_of_one_camera(const SetUpCamera& camera, std::optional<double> f
 std::string first_configuration(std::span<const SetUpCamera> cameras, double memory_bytes, const std::string& rig) {
   std::string text =
       "# Written by huetrackd setup: the cameras of this host. The page of `huetrack view` guides you: exposure,\n"
-      "# the ball's colour, calibration. It saves changes in a separate file; edit this one as you like: every "
-      "key\n"
+      "# the ball's colour, calibration. It saves changes in a separate file; edit this one as you like: every key\n"
       "# is in configs/huetrackd.yaml (/etc/huetrack/huetrackd.yaml of the package).\n"
       "version: 1\n";
   if (rig.empty())
@@ -228,15 +222,15 @@ void set_up_film(const SetUpCommand& command, const std::stop_token& stop) {
     throw std::runtime_error(command.film.string() + ": its first picture cannot be read");
   const SetUpCamera camera{.device = {}, .width = frame->pixels.width, .height = frame->pixels.height, .model = ""};
   const std::string rig = write_rig_of_one(file, camera, command.fov_deg);
-  files::write_whole_file(file,
-                          fmt::format("# Written by huetrackd setup --film: a film of one camera, cam0. Every key "
-                                      "is in configs/huetrackd.yaml.\n"
-                                      "version: 1\n"
-                                      "rig: {}\n"
-                                      "targets: {{ball: {{}}}}           # add radius_m, in metres: the distance "
-                                      "scales with it\n"
-                                      "control: {{allow_teach: true}}\n",
-                                      rig));
+  files::write_whole_file(
+      file,
+      fmt::format(
+          "# Written by huetrackd setup --film: a film of one camera, cam0. Every key is in configs/huetrackd.yaml.\n"
+          "version: 1\n"
+          "rig: {}\n"
+          "targets: {{ball: {{}}}}           # add radius_m, in metres: the distance scales with it\n"
+          "control: {{allow_teach: true}}\n",
+          rig));
   fmt::print(
       "written: {0}, for a film of {1}x{2}\n"
       "next: set radius_m of the ball in {0}; then teach its colour, by a pixel of it in a frame, and track it:\n"

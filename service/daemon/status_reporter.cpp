@@ -17,18 +17,12 @@ constexpr auto stalled_after = 1s;
 constexpr std::uint64_t frames_of_one_picture = 60;
 constexpr auto shortest_rate_window = 500ms;
 
+// The same states, by number; Health::ended is added.
 publish::CameraStatus::Health health_of(capture::CaptureState state) {
-  switch (state) {
-    case capture::CaptureState::waiting:
-      return publish::CameraStatus::Health::waiting;
-    case capture::CaptureState::delivering:
-      return publish::CameraStatus::Health::delivering;
-    case capture::CaptureState::stalled:
-      return publish::CameraStatus::Health::stalled;
-    case capture::CaptureState::absent:
-      break;
-  }
-  return publish::CameraStatus::Health::absent;
+  using Health = publish::CameraStatus::Health;
+  static_assert(int(capture::CaptureState::delivering) == int(Health::delivering) &&
+                int(capture::CaptureState::absent) == int(Health::absent));
+  return Health(state);
 }
 
 double rate(std::uint64_t now, std::uint64_t then, capture::Duration window) {
@@ -52,20 +46,19 @@ void add_repeats(const pipeline::CameraFigures& camera, const pipeline::CameraFi
   if (out.health == publish::CameraStatus::Health::delivering && lasting > stalled_after) {
     out.health = publish::CameraStatus::Health::stalled;
     out.message = fmt::format(
-        "it has repeated one picture for {:.1f} s: the camera, its driver or its cable hangs: restart it, or "
-        "plug it in anew",
+        "it has repeated one picture for {:.1f} s: the camera, its driver or its cable hangs: restart it, or plug it "
+        "in anew",
         capture::seconds(lasting));
   } else if (!camera.has_changed && camera.frames >= frames_of_one_picture) {
     warnings.push_back(
         fmt::format("camera {}: it has repeated one picture since the start: it hangs, or its lens is covered: restart "
-                    "it, or clear "
-                    "its view",
+                    "it, or clear its view",
                     out.name));
   } else if (5 * times > frames) {  // each picture several times
-    warnings.push_back(fmt::format(
-        "camera {}: it repeats its pictures: {} of its {} frames were not used: set fps to the rate at which it really "
-        "takes pictures",
-        out.name, camera.repeated, camera.frames));
+    warnings.push_back(
+        fmt::format("camera {}: it repeats its pictures: {} of its {} frames were not used: set fps to the rate at "
+                    "which it really takes pictures",
+                    out.name, camera.repeated, camera.frames));
   }
 }
 

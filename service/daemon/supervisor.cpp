@@ -7,7 +7,6 @@
 #include <functional>
 #include <iterator>
 #include <numbers>
-#include <utility>
 
 #include "capture/timing/capture_clock.h"
 #include "daemon/reloader.h"
@@ -201,19 +200,9 @@ bool is_progressing(std::span<const capture::CameraHealth> cameras, const pipeli
 namespace {
 
 std::string word_of(const publish::CameraStatus& camera) {
-  switch (camera.health) {
-    case publish::CameraStatus::Health::delivering:
-      return fmt::format("{:.1f} Hz", camera.rate_hz);
-    case publish::CameraStatus::Health::waiting:
-      return "waiting";
-    case publish::CameraStatus::Health::stalled:
-      return "stalled";
-    case publish::CameraStatus::Health::absent:
-      return "absent";
-    case publish::CameraStatus::Health::ended:
-      return "ended";
-  }
-  return {};
+  using Health = publish::CameraStatus::Health;
+  if (camera.health == Health::delivering) return fmt::format("{:.1f} Hz", camera.rate_hz);
+  return camera.health == Health::ended ? "ended" : std::string(name(capture::CaptureState(camera.health)));
 }
 
 }  // namespace

@@ -1,7 +1,5 @@
 #include "daemon/tally.h"
 
-#include <algorithm>
-
 namespace huetrack::daemon {
 
 using Clock = std::chrono::steady_clock;
@@ -54,10 +52,6 @@ std::vector<TargetSummary> Tally::targets() const {
     }
   }
   return summaries;
-}
-
-Clock::time_point Tally::last_out() const {
-  return std::max(sets_until_, camera_until_);
 }
 
 }  // namespace huetrack::daemon

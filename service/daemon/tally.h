@@ -1,6 +1,7 @@
 // The output that collects the figures of a replay's summary.
 #pragma once
 
+#include <algorithm>
 #include <chrono>
 #include <cstdint>
 #include <map>
@@ -47,7 +48,8 @@ class Tally final : public pipeline::Output {
   std::vector<TargetSummary> targets() const;
   const std::optional<CameraSummary>& camera() const { return camera_; }         // nullopt: none
   const std::optional<capture::Timestamp>& last_at() const { return last_at_; }  // capture time of the last set
-  std::chrono::steady_clock::time_point last_out() const;  // of the last estimate; begin() if none
+  // of the last estimate; begin() if none
+  std::chrono::steady_clock::time_point last_out() const { return std::max(sets_until_, camera_until_); }
   void begin(std::chrono::steady_clock::time_point at) { sets_until_ = camera_until_ = at; }
 
  private:

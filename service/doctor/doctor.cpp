@@ -99,9 +99,9 @@ void judge_stream(const CameraExam& exam, std::vector<Finding>& findings) {
   const capture::StreamFormat& agreed = trial.agreed;
   const std::string what = fmt::format("{} {}x{}", capture::name(agreed.format), agreed.width, agreed.height);
   if (!trial.failure.empty()) {
-    findings.push_back({Grade::problem, what + ": " + trial.failure,
-                        "try another cable, port or a powered hub; for several cameras on one bus, format: mjpeg or a "
-                        "lower rate"});
+    findings.push_back(
+        {Grade::problem, what + ": " + trial.failure,
+         "try another cable, port or a powered hub; for several cameras on one bus, format: mjpeg or a lower rate"});
     if (trial.frames < 2) return;
   }
   const double said = agreed.fps > 0 ? agreed.fps : exam.asked_fps;
@@ -271,8 +271,7 @@ class Doctor {
       say({Grade::problem, error.what(),
            fs::is_regular_file(*options_.config, ignored)
                ? "correct it; huetrackd check prints the whole configuration if it is valid"
-               : "give the service's configuration; that of the package is "
-                 "/etc/huetrack/huetrackd.yaml"});
+               : "give the service's configuration; that of the package is /etc/huetrack/huetrackd.yaml"});
       return;
     }
     say({Grade::ok,
@@ -619,10 +618,9 @@ std::vector<Finding> judge_network(int domain, const std::string& domain_from,
                             ? "for other hosts, add their network to dds: {interfaces: [...]}, or remove that key"
                             : "for other hosts, bring a network up; it is used automatically"});
   else if (outside.size() > 1)
-    findings.push_back(
-        {Grade::note, "several networks: " + joined(interfaces),
-         "if subscribers do not find the service, set their network in dds: {interfaces: [...]}, and allow "
-         "multicast to 239.255.0.1"});
+    findings.push_back({Grade::note, "several networks: " + joined(interfaces),
+                        "if subscribers do not find the service, set their network in dds: {interfaces: [...]}, and "
+                        "allow multicast to 239.255.0.1"});
   else
     findings.push_back({Grade::ok, "networks: " + joined(interfaces), ""});
   return findings;
@@ -658,12 +656,11 @@ std::vector<Finding> judge_sending(std::span<const SentCamera> cameras, std::opt
                       : raw.empty() ? ""
                                     : "format: mjpeg needs a tenth of it"});
   if (is_tracker && receive_buffer && in_memory * at_one_moment > granted * *receive_buffer)
-    findings.push_back(
-        {Grade::warning,
-         fmt::format("{:.0f} kB of frames may arrive at once, more than the {:.0f} kB of a socket buffer: "
-                     "they are retransmitted, and late",
-                     1e-3 * at_one_moment, 1e-3 * granted * *receive_buffer / in_memory),
-         "sysctl -w net.core.rmem_max=4194304, and add it to /etc/sysctl.d"});
+    findings.push_back({Grade::warning,
+                        fmt::format("{:.0f} kB of frames may arrive at once, more than the {:.0f} kB of a socket "
+                                    "buffer: they are retransmitted, and late",
+                                    1e-3 * at_one_moment, 1e-3 * granted * *receive_buffer / in_memory),
+                        "sysctl -w net.core.rmem_max=4194304, and add it to /etc/sysctl.d"});
   return findings;
 }
 

@@ -214,14 +214,6 @@ std::string Canvas::finished() {
   return *file_;
 }
 
-std::string Canvas::svg() {
-  return finished();
-}
-
-std::string Canvas::pdf() {
-  return finished();
-}
-
 void Canvas::next_page() {
   cairo_show_page(cairo_.get());
 }

@@ -99,9 +99,9 @@ class Canvas {
   void next_page();  // PDF: continues on a new white page
 
   // The drawing so far. throw std::runtime_error if out of memory
-  std::string png() const;  // pixels: a PNG file
-  std::string svg();        // SVG: a file; ends the drawing
-  std::string pdf();        // PDF: a file, reproducible; ends the drawing
+  std::string png() const;                  // pixels: a PNG file
+  std::string svg() { return finished(); }  // SVG: a file; ends the drawing
+  std::string pdf() { return finished(); }  // PDF: a file, reproducible; ends the drawing
   // Pixels: height() rows of width() times blue, green, red and an unused byte.
   const std::uint8_t* bgrx() const;
   std::size_t bgrx_stride() const;  // bytes from row to row

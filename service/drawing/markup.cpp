@@ -1,26 +1,15 @@
 #include "drawing/markup.h"
 
+#include <map>
+
 namespace huetrack::drawing {
 
 std::string escaped(std::string_view text) {
+  static const std::map<char, std::string> marks{{'&', "&amp;"}, {'<', "&lt;"}, {'>', "&gt;"}, {'"', "&quot;"}};
   std::string out;
   for (const char c : text) {
-    switch (c) {
-      case '&':
-        out += "&amp;";
-        break;
-      case '<':
-        out += "&lt;";
-        break;
-      case '>':
-        out += "&gt;";
-        break;
-      case '"':
-        out += "&quot;";
-        break;
-      default:
-        out += c;
-    }
+    const auto mark = marks.find(c);
+    out += mark == marks.end() ? std::string(1, c) : mark->second;
   }
   return out;
 }

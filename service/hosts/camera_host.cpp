@@ -37,18 +37,11 @@ constexpr const char* new_keys = "make new ones with configs/dds/secure.sh, role
 // datagrams Fast DDS retransmits only the lost ones.
 constexpr idl::Datagrams of_frames{.largest = 1472, .buffer = 1 << 20};
 
+// The same states, by number.
 msg::HostedCameraState state_of(capture::CaptureState state) {
-  switch (state) {
-    case capture::CaptureState::waiting:
-      return msg::HOSTED_CAMERA_WAITING;
-    case capture::CaptureState::delivering:
-      return msg::HOSTED_CAMERA_DELIVERING;
-    case capture::CaptureState::stalled:
-      return msg::HOSTED_CAMERA_STALLED;
-    case capture::CaptureState::absent:
-      break;
-  }
-  return msg::HOSTED_CAMERA_ABSENT;
+  static_assert(std::uint32_t(capture::CaptureState::delivering) == msg::HOSTED_CAMERA_DELIVERING &&
+                std::uint32_t(capture::CaptureState::absent) == msg::HOSTED_CAMERA_ABSENT);
+  return static_cast<msg::HostedCameraState>(state);
 }
 
 bool have_all(dds::DataWriter& writer) {
@@ -113,8 +106,7 @@ struct CameraHost::Impl {
       if (!participant.is_access_controlled()) throw;
       looked_for = nullptr;
       refusal = std::string(
-                    "its matches cannot be sent (send: matches of a tracker), because this host's keys are too "
-                    "old: ") +
+                    "its matches cannot be sent (send: matches of a tracker), because this host's keys are too old: ") +
                 new_keys + error.what();
     }
     try {
@@ -124,8 +116,8 @@ struct CameraHost::Impl {
       if (!participant.is_access_controlled()) throw;
       if (refusal.empty())
         refusal = std::string(
-                      "trackers cannot fit outlines with its matches (send: matches), because this host's keys "
-                      "are too old: ") +
+                      "trackers cannot fit outlines with its matches (send: matches), because this host's keys are too "
+                      "old: ") +
                   new_keys + error.what();
     }
     clock = std::jthread([this](const std::stop_token& stop) { answer_clock_probes(stop); });

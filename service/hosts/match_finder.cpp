@@ -1,7 +1,6 @@
 #include "hosts/match_finder.h"
 
 #include <algorithm>
-#include <cstdint>
 #include <utility>
 
 #include "capture/frames/jpeg_encoder.h"

@@ -1,7 +1,6 @@
 // Finds which pixels of a frame have the colours that trackers request; a camera host sends that instead of the pixels.
 #pragma once
 
-#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <memory>

@@ -86,8 +86,7 @@ std::string clock_advice(const capture::HostClock& clock, bool is_open) {
   if (clock.is_contradicted && !clock.is_ours && clock.kept_s)
     return fmt::format(
         "the clock of {} is {:.1f} ms off ours, where NTP or PTP say that both are kept to {:.1f} ms: give both one "
-        "source "
-        "of time; the measured offset is taken off",
+        "source of time; the measured offset is taken off",
         clock.host, 1e3 * clock.offset_s, 1e3 * *clock.kept_s);
   if (!is_open) return {};
   const std::string known = fmt::format("the clock of {} is known to {:.1f} ms only", clock.host, 1e3 * clock.sigma_s);
@@ -349,10 +348,9 @@ struct RemoteCameras::Impl {
     const bool has_frames = camera.frame_at && now - *camera.frame_at < stalled_after;
     if (has_frames) return {capture::CaptureState::delivering, delivering(camera)};
     if (!host.seen_at)
-      return {capture::CaptureState::absent, "its host " + name +
-                                                 " is not found: is `huetrackd capture` running "
-                                                 "there, with host: " +
-                                                 name + ", in the same DDS domain and network?"};
+      return {capture::CaptureState::absent,
+              "its host " + name + " is not found: is `huetrackd capture` running there, with host: " + name +
+                  ", in the same DDS domain and network?"};
     if (now - *host.seen_at > silent_after)
       return {capture::CaptureState::absent, "its host " + name + " is silent: waiting for its return"};
     const auto there =
@@ -378,10 +376,9 @@ struct RemoteCameras::Impl {
     if (camera.frame_at || there->state() == msg::HOSTED_CAMERA_DELIVERING)
       return {camera.frame_at ? capture::CaptureState::stalled : capture::CaptureState::waiting,
               "no frames come from " + name +
-                  (camera.options.are_matches
-                       ? "; for send: matches its program must be as new as ours, and so its keys, and its "
-                         "camera must not hang on one picture"
-                       : "")};
+                  (camera.options.are_matches ? "; for send: matches its program must be as new as ours, and so its "
+                                                "keys, and its camera must not hang on one picture"
+                                              : "")};
     return {capture::CaptureState::waiting,
             name + ": " + (there->message().empty() ? "no frame yet" : there->message())};
   }
@@ -483,13 +480,12 @@ struct RemoteCameras::Impl {
     health.dropped += lost;
     for (std::uint32_t i = 0; lost <= longest_loss && i < lost; ++i) camera.losses.add(true);
     camera.losses.add(false);
-    health.warning =
-        camera.losses.is_high()
-            ? fmt::format(
-                  "{:.0f} % of its frames are lost between {} and here: format: mjpeg there, a wired network, or "
-                  "larger socket buffers (service/hosts/README.md)",
-                  100 * camera.losses.share(), camera.options.host)
-            : warning_there(camera);
+    health.warning = camera.losses.is_high()
+                         ? fmt::format(
+                               "{:.0f} % of its frames are lost between {} and here: format: mjpeg there, a wired "
+                               "network, or larger socket buffers (service/hosts/README.md)",
+                               100 * camera.losses.share(), camera.options.host)
+                         : warning_there(camera);
     camera.last_sequence = frame.sequence;
     if (frame.matches) note_colors(camera, *frame.matches);
     if (!is_sound) {
@@ -537,10 +533,9 @@ struct RemoteCameras::Impl {
       return;
     }
     if (++camera.without_colors < longest_without_colors || !health.warning.empty()) return;
-    health.warning =
-        camera.options.host +
-        " sends no matches for some targets' colours: the trackers of this camera together request too many colours, "
-        "or these match too much of its pictures; use send: frames for one of them";
+    health.warning = camera.options.host +
+                     " sends no matches for some targets' colours: the trackers of this camera together request too "
+                     "many colours, or these match too much of its pictures; use send: frames for one of them";
   }
 
   std::optional<capture::Frame> next(Camera& camera, const std::stop_token& stop) {

@@ -1,7 +1,6 @@
 #include "hosts/wanted_outlines.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <utility>
 

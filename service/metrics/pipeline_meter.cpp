@@ -7,10 +7,6 @@ namespace huetrack::metrics {
 PipelineMeter::PipelineMeter(std::size_t cameras, std::size_t targets, const pipeline::Bus* bus)
     : bus_(bus), targets_(targets), capture_to_dequeue_(cameras) {}
 
-void PipelineMeter::on_frame(const capture::Frame& frame, capture::Timestamp received_at) {
-  capture_to_dequeue_[std::size_t(frame.camera)].add(received_at - frame.captured_at);
-}
-
 void PipelineMeter::on_set(const pipeline::TrackedSet& set) {
   if (set.estimates.empty()) return;
   // With several objects, one that is tracked.

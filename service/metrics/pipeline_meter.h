@@ -17,7 +17,9 @@ class PipelineMeter final : public pipeline::Output {
   // cameras: of the rig; bus: null without DDS
   PipelineMeter(std::size_t cameras, std::size_t targets, const pipeline::Bus* bus);
 
-  void on_frame(const capture::Frame& frame, capture::Timestamp received_at) override;
+  void on_frame(const capture::Frame& frame, capture::Timestamp received_at) override {
+    capture_to_dequeue_[std::size_t(frame.camera)].add(received_at - frame.captured_at);
+  }
   void on_set(const pipeline::TrackedSet& set) override;
 
   std::vector<TargetFigures> targets() const;

@@ -269,9 +269,8 @@ void ControlHandler::camera(Words words, const config::ServiceConfig& config, ms
   if (!saves && words[0] != "set") throw unknown_request();
   if (words.size() < 3)
     throw std::runtime_error(
-        fmt::format("give controls and values: camera {} {} CONTROL=VALUE ...; camera controls {} "
-                    "lists them",
-                    words[0], words[1], words[1]));
+        fmt::format("give controls and values: camera {} {} CONTROL=VALUE ...; camera controls {} lists them", words[0],
+                    words[1], words[1]));
   const std::vector<capture::ControlSetting> settings = settings_of(words.subspan(2));
   const std::vector<capture::ControlResult> results = controls.set(settings);
   for (const auto& result : results)

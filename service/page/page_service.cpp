@@ -58,14 +58,6 @@ void PageService::on_set(const pipeline::TrackedSet& set) {
   if (wants() || (playback != nullptr && playback->state().is_paused)) offer(set.picture(particles_));
 }
 
-void PageService::on_camera_pose(const pipeline::TrackedFrame& frame) {
-  if (wants_map()) offer({frame.estimate.at, frame.tracker.map()});
-}
-
-capture::Duration PageService::clock_offset() const {
-  return options_.time != nullptr ? options_.time->offset() : capture::Duration{0};
-}
-
 void PageService::offer(camera_tracking::CameraMap map) {
   map_wanted_.store(false, std::memory_order_relaxed);
   const std::scoped_lock lock(mutex_);  // no notification: the thread polls
@@ -192,10 +184,6 @@ void PageService::take_control_requests() {
 void PageService::freeze(const capture::FrameSet& set) {
   reply(teaching_.freeze(*to_freeze_, config_, set));
   to_freeze_.reset();
-}
-
-void PageService::reply(msg::TeachReply reply) {
-  publisher_.publish(teach_replies_.keep(std::move(reply)));
 }
 
 void PageService::publish_previews(const pictures::PictureJob& job) {

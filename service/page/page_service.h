@@ -53,7 +53,9 @@ class PageService final : public pipeline::Output {
   void take_over(const config::ServiceConfig& config);
 
   void on_set(const pipeline::TrackedSet& set) override;
-  void on_camera_pose(const pipeline::TrackedFrame& frame) override;
+  void on_camera_pose(const pipeline::TrackedFrame& frame) override {
+    if (wants_map()) offer({frame.estimate.at, frame.tracker.map()});
+  }
   void on_config(const config::ServiceConfig& config) noexcept override { take_over(config); }
 
   std::uint64_t previews() const { return previews_; }  // published since the start
@@ -65,9 +67,11 @@ class PageService final : public pipeline::Output {
   void take_requests();
   void take_control_requests();
   void freeze(const capture::FrameSet& set);
-  void reply(msg::TeachReply reply);
+  void reply(msg::TeachReply reply) { publisher_.publish(teach_replies_.keep(std::move(reply))); }
 
-  capture::Duration clock_offset() const;
+  capture::Duration clock_offset() const {
+    return options_.time != nullptr ? options_.time->offset() : capture::Duration{0};
+  }
 
   const PageServiceOptions options_;
   const std::size_t particles_;       // of each target in a picture, about

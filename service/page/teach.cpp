@@ -16,6 +16,7 @@
 #include <thread>
 
 #include "calib/files/config_error.h"
+#include "calib/files/joined.h"
 #include "calib/files/nearest_word.h"
 #include "color_teaching/lesson.h"
 #include "color_teaching/spread_moments.h"
@@ -50,15 +51,14 @@ int camera_of(const calib::CameraRig& rig, const std::string& name) {
 }
 
 const object_tracking::TargetOptions& target_of(const config::ServiceConfig& config, const std::string& name) {
-  std::vector<std::string> names;
-  for (const auto& target : config.targets) names.push_back(target.name);
-  if (name.empty() && names.size() > 1)
-    throw std::runtime_error(fmt::format("which target? Give --target with one of: {}", fmt::join(names, ", ")));
+  const std::string names = files::joined(config.target_names());
+  if (name.empty() && config.targets.size() > 1)
+    throw std::runtime_error("which target? Give --target with one of: " + names);
   const auto target = name.empty() ? config.targets.begin()
                                    : std::ranges::find(config.targets, name, &object_tracking::TargetOptions::name);
   if (target == config.targets.end())
     throw std::runtime_error(
-        fmt::format("there is no target {} in {}, which has {}", name, config.file.string(), fmt::join(names, ", ")));
+        fmt::format("there is no target {} in {}, which has {}", name, config.file.string(), names));
   return *target;
 }
 
@@ -164,8 +164,8 @@ Pictures recorded_pictures(const config::ServiceConfig& config, std::span<const 
         !take_picture(*frame, own_picture_of(*frame))) {  // with send: matches
       if (const auto it = wanted.find(frame->camera); it != wanted.end() && it->second == number)
         throw std::runtime_error(
-            fmt::format("{}: frame {} of camera {} has no picture, only matches: with "
-                        "send: matches, take a frame with a picture (every picture_every_s)",
+            fmt::format("{}: frame {} of camera {} has no picture, only matches: with send: matches, take a frame with "
+                        "a picture (every picture_every_s)",
                         recording.file.string(), number, names[c]));
       continue;
     }
@@ -224,10 +224,9 @@ capture::FrameSet live_pictures(const config::ServiceConfig& config, const std::
       break;
     }
     if (!set.frames[std::size_t(camera.camera)] && it != wanted.end())
-      throw std::runtime_error(
-          fmt::format("camera {} gave no such frame within 10 s; is it in use by a running huetrackd? Then teach on "
-                      "the page",
-                      config.rig.cameras[std::size_t(camera.camera)].name));
+      throw std::runtime_error(fmt::format(
+          "camera {} gave no such frame within 10 s; is it in use by a running huetrackd? Then teach on the page",
+          config.rig.cameras[std::size_t(camera.camera)].name));
   }
   return set;
 }
@@ -333,8 +332,8 @@ bool is_worth_writing(const color_teaching::Lesson& lesson, const TeachCommand& 
       fmt::format("the object's place is not confirmed in {}", fmt::join(lesson.unconfirmed, ", "));
   if (!command.only && !command.dry_run) {
     fmt::print(stderr,
-               "huetrackd: nothing is saved: {}. Confirm it with the --at above, accept the suggestions with "
-               "--accept, or save without with --only\n",
+               "huetrackd: nothing is saved: {}. Confirm it with the --at above, accept the suggestions with --accept, "
+               "or save without with --only\n",
                where);
     return false;
   }

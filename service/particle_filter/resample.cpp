@@ -1,7 +1,6 @@
 #include "particle_filter/resample.h"
 
 #include <algorithm>
-#include <array>
 #include <bit>
 #include <cmath>
 #include <memory>

@@ -246,22 +246,19 @@ struct Connection {
       sets = &participant.create_writer<msg::ObjectSetPubSubType>(
           idl::object_set_topic, idl::object_position_writer_qos(), rivals.self().user_data());
     if (!options.ros2) return;
-    using PoseType = geometry_msgs::msg::dds_::PoseWithCovarianceStamped_PubSubType;
-    using TfType = tf2_msgs::msg::dds_::TFMessage_PubSubType;
     for (std::size_t t = 0; t < options.targets.size(); ++t) {
+      const std::string& target = options.targets[t];
       const bool is_several = count_of(options, t) > 1;
-      poses.push_back(is_several ? nullptr : &create_pose_writer(options.targets[t]));
-      pose_arrays.push_back(is_several ? &participant.create_writer<geometry_msgs::msg::dds_::PoseArray_PubSubType>(
-                                             idl::ros2_poses_topic(options.targets[t]), idl::ros2_writer_qos(),
-                                             idl::ros2_user_data(idl::ros2_poses_type_hash))
-                                       : nullptr);
+      poses.push_back(is_several ? nullptr : &create_pose_writer(idl::ros2_pose_topic(target)));
+      pose_arrays.push_back(is_several
+                                ? &participant.create_ros2_writer<geometry_msgs::msg::dds_::PoseArray_PubSubType>(
+                                      idl::ros2_poses_topic(target), idl::ros2_poses_type_hash)
+                                : nullptr);
     }
     if (!options.tracked_camera.empty())
-      ros_camera =
-          &participant.create_writer<PoseType>(idl::ros2_camera_pose_topic(options.tracked_camera),
-                                               idl::ros2_writer_qos(), idl::ros2_user_data(idl::ros2_pose_type_hash));
-    tf = &participant.create_writer<TfType>(idl::ros2_tf_topic, idl::ros2_writer_qos(),
-                                            idl::ros2_user_data(idl::ros2_tf_type_hash));
+      ros_camera = &create_pose_writer(idl::ros2_camera_pose_topic(options.tracked_camera));
+    tf = &participant.create_ros2_writer<tf2_msgs::msg::dds_::TFMessage_PubSubType>(idl::ros2_tf_topic,
+                                                                                    idl::ros2_tf_type_hash);
   }
 
   // Waits for the last samples to arrive.
@@ -272,16 +269,15 @@ struct Connection {
   Connection(const Connection&) = delete;
   Connection& operator=(const Connection&) = delete;
 
-  dds::DataWriter& create_pose_writer(const std::string& name) {
-    using PoseType = geometry_msgs::msg::dds_::PoseWithCovarianceStamped_PubSubType;
-    return participant.create_writer<PoseType>(idl::ros2_pose_topic(name), idl::ros2_writer_qos(),
-                                               idl::ros2_user_data(idl::ros2_pose_type_hash));
+  dds::DataWriter& create_pose_writer(const std::string& topic) {
+    return participant.create_ros2_writer<geometry_msgs::msg::dds_::PoseWithCovarianceStamped_PubSubType>(
+        topic, idl::ros2_pose_type_hash);
   }
   // Of one object of several; created with its first pose.
   dds::DataWriter& pose_writer_of(const std::string& object) {
     const std::lock_guard lock(objects_mutex);
     const auto [at, is_new] = object_poses.try_emplace(object, nullptr);
-    if (is_new) at->second = &create_pose_writer(object);
+    if (is_new) at->second = &create_pose_writer(idl::ros2_pose_topic(object));
     return *at->second;
   }
   void end(const std::string& object) {
@@ -349,13 +345,12 @@ struct EstimatePublisher::Impl {
       for (const std::string& camera : options.cameras) target.position.per_view().emplace_back().camera(camera);
     }
     camera_sample.camera(options.tracked_camera);
-    status.host(rivals.self().host);
-    status.pid(rivals.self().pid);
+    const auto sign = [&](auto&... samples) {
+      (samples.host(rivals.self().host), ...);
+      (samples.pid(rivals.self().pid), ...);
+    };
+    sign(status, times, clocks);
     status.frame_id(options.frame_id);
-    times.host(rivals.self().host);
-    times.pid(rivals.self().pid);
-    clocks.host(rivals.self().host);
-    clocks.pid(rivals.self().pid);
   }
 
   // The status thread only. Creates the new connection first, so that publish() hardly waits.

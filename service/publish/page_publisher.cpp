@@ -78,13 +78,12 @@ struct PageConnection {
     using TfType = tf2_msgs::msg::dds_::TFMessage_PubSubType;
     for (const std::string& camera : options.cameras) {
       const std::string name = ros_name(camera);
-      images.push_back(&participant.create_writer<ImageType>(idl::ros2_image_topic(name), idl::ros2_writer_qos(),
-                                                             idl::ros2_user_data(idl::ros2_image_type_hash)));
-      infos.push_back(&participant.create_writer<InfoType>(idl::ros2_camera_info_topic(name), idl::ros2_writer_qos(),
-                                                           idl::ros2_user_data(idl::ros2_camera_info_type_hash)));
+      images.push_back(
+          &participant.create_ros2_writer<ImageType>(idl::ros2_image_topic(name), idl::ros2_image_type_hash));
+      infos.push_back(&participant.create_ros2_writer<InfoType>(idl::ros2_camera_info_topic(name),
+                                                                idl::ros2_camera_info_type_hash));
     }
-    markers = &participant.create_writer<MarkersType>(idl::ros2_markers_topic, idl::ros2_writer_qos(),
-                                                      idl::ros2_user_data(idl::ros2_markers_type_hash));
+    markers = &participant.create_ros2_writer<MarkersType>(idl::ros2_markers_topic, idl::ros2_markers_type_hash);
     tf_static = &participant.create_writer<TfType>(idl::ros2_tf_static_topic, idl::status_writer_qos(),
                                                    idl::ros2_user_data(idl::ros2_tf_type_hash));
   }

@@ -12,6 +12,7 @@ extern "C" {
 #include <utility>
 
 #include "calib/files/config_error.h"
+#include "calib/files/median.h"
 #include "calib/files/text_file.h"
 #include "calib/yaml/yaml_reader.h"
 #include "recordings/bags/camera_topics.h"
@@ -86,11 +87,10 @@ std::vector<bags::CameraTopics> cameras_in(const std::filesystem::path& bag, bag
   contents = bags::contents_of(bag);
   auto cameras = bags::cameras_of(contents.topics);
   if (cameras.empty())
-    throw files::ConfigError(
-        bag, 0,
-        "has no topic of sensor_msgs/Image or CompressedImage with pictures of a camera (convert others, as H.264 in "
-        "messages, to one of these, or to a video); " +
-            other_topics(contents));
+    throw files::ConfigError(bag, 0,
+                             "has no topic of sensor_msgs/Image or CompressedImage with pictures of a camera (convert "
+                             "others, as H.264 in messages, to one of these, or to a video); " +
+                                 other_topics(contents));
   return cameras;
 }
 
@@ -150,8 +150,8 @@ std::string topic_of(const std::filesystem::path& bag, const std::string& camera
   if (own != cameras.end()) return own->picture.name;
   throw files::ConfigError(
       bag, 0,
-      fmt::format("has several topics of pictures, and none is called {0}: say which is camera {0}, with "
-                  "topic: in a recording.yaml or {0}={1}:{2} in a command; they are {3}",
+      fmt::format("has several topics of pictures, and none is called {0}: say which is camera {0}, with topic: in a "
+                  "recording.yaml or {0}={1}:{2} in a command; they are {3}",
                   camera, bag.filename().string(), cameras.front().picture.name, names_of(cameras)));
 }
 
@@ -178,12 +178,7 @@ void BagPictures::measure_period() {
   const std::vector<std::int64_t>& times = is_stamped_ ? stamped : logged;
   for (std::size_t i = 1; i < times.size(); ++i) steps.push_back(times[i] - times[i - 1]);
   if (steps.empty()) return;
-  std::ranges::nth_element(steps, steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2));
-  period_ = capture::Duration(std::max<std::int64_t>(0, steps[steps.size() / 2]));
-}
-
-void BagPictures::warn(const std::string& text) {
-  warnings_.push_back(camera_.frames.string() + ": " + camera_.topic + ": " + text);
+  period_ = capture::Duration(std::max<std::int64_t>(0, files::median(std::move(steps))));
 }
 
 // header.stamp, or when it was recorded
@@ -222,8 +217,7 @@ std::optional<Shown> BagPictures::next() {
     if (picture && !is_stamped_ && !std::exchange(has_warned_of_stamps_, true))
       warn(
           "its messages have no time stamps (header.stamp is 0): the times of recording them are used, which are late "
-          "by "
-          "transport and load: calibrate the latency (huetrack-calibrate time)");
+          "by transport and load: calibrate the latency (huetrack-calibrate time)");
     shown.stamp =
         capture::Timestamp{capture::Duration(picture && is_stamped_ ? picture->stamp_ns : message->logged_at_ns)};
     problem_ = "its message is damaged";

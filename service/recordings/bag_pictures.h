@@ -40,7 +40,9 @@ class BagPictures final : public PictureStream {
   void measure_period();
   std::int64_t time_of(const bags::BagMessage& message) const;
   std::optional<bags::BagMessage> next_by_time();
-  void warn(const std::string& text);
+  void warn(const std::string& text) {
+    warnings_.push_back(camera_.frames.string() + ": " + camera_.topic + ": " + text);
+  }
 
   const RecordedCamera& camera_;
   FrameSelection selection_;

@@ -42,8 +42,8 @@ std::vector<ImageFile> files_of_pattern(const fs::path& pattern) {
     width = 10 * width + static_cast<std::size_t>(name[at++] - '0');
   if (at >= name.size() || name[at] != 'd' || name.find('%', at) != std::string::npos)
     throw files::ConfigError(pattern, 0,
-                             "is not a pattern of image files: its last part must have one number like %06d; "
-                             "for other numbers (%x) give a glob, like *.png");
+                             "is not a pattern of image files: its last part must have one number like %06d; for other "
+                             "numbers (%x) give a glob, like *.png");
   const std::string_view prefix = std::string_view(name).substr(0, begin);
   const std::string_view suffix = std::string_view(name).substr(at + 1);
 
@@ -61,11 +61,10 @@ std::vector<ImageFile> files_of_pattern(const fs::path& pattern) {
       padded_otherwise = padded_otherwise ? std::min(*padded_otherwise, entry.path()) : entry.path();
   }
   if (padded_otherwise && !files.empty())
-    throw files::ConfigError(
-        *padded_otherwise, 0,
-        fmt::format("has other leading zeros than the pattern {}, which takes {}, so it would be left "
-                    "out: for both give the glob \"{}*{}\", which counts by numbers",
-                    name, files.front().path.filename().string(), prefix, suffix));
+    throw files::ConfigError(*padded_otherwise, 0,
+                             fmt::format("has other leading zeros than the pattern {}, which takes {}, so it would be "
+                                         "left out: for both give the glob \"{}*{}\", which counts by numbers",
+                                         name, files.front().path.filename().string(), prefix, suffix));
   std::ranges::sort(files, {}, &ImageFile::number);
   if (!files.empty() && files.back().number < 0)
     throw files::ConfigError(pattern, 0,

@@ -1,7 +1,6 @@
 #include "recordings/jpeg_stream.h"
 
 #include <algorithm>
-#include <array>
 #include <cctype>
 #include <string_view>
 #include <utility>

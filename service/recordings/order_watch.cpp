@@ -138,10 +138,6 @@ std::optional<std::size_t> OrderWatch::seam() const {
   return is_jump && goes_on ? std::optional(longest->first) : std::nullopt;
 }
 
-std::string OrderWatch::name(std::size_t file) const {
-  return files_[file].filename().string();
-}
-
 std::optional<std::string> OrderWatch::problem() const {
   const auto best = std::ranges::max_element(candidates_, {}, [&](const auto& other) { return advantage(other); });
   if (best != candidates_.end() && advantage(*best) > 1) {

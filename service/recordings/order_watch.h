@@ -47,7 +47,7 @@ class OrderWatch {
   // How many times less things move in its order; 1: not surely less.
   double advantage(const Candidate& candidate) const;
   std::optional<std::size_t> seam() const;
-  std::string name(std::size_t file) const;
+  std::string name(std::size_t file) const { return files_[file].filename().string(); }
 
   std::vector<std::filesystem::path> files_;
   std::vector<Candidate> candidates_;

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <opencv2/imgcodecs.hpp>
 #include <string_view>
-#include <utility>
 
 namespace huetrack::recordings {
 namespace {
@@ -63,10 +62,6 @@ std::optional<capture::Image> tiff_of(std::span<const std::uint8_t> bytes, captu
 
 PictureDecoder::PictureDecoder() {
   capture::take_over_ffmpeg_log();
-}
-
-std::string PictureDecoder::take_problem() {
-  return std::exchange(problem_, {}) + log_.take();
 }
 
 std::optional<capture::Image> PictureDecoder::decode(std::shared_ptr<const std::vector<std::uint8_t>> bytes) {

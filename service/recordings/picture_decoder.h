@@ -7,6 +7,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "capture/ffmpeg/ffmpeg_log.h"
@@ -39,7 +40,7 @@ class PictureDecoder {
   std::vector<std::string> take_notes() { return pictures_.take_notes(); }  // what a user must know of the pictures
   capture::SampleDepth& depth() { return pictures_.depth(); }
   const capture::SampleDepth& depth() const { return pictures_.depth(); }
-  std::string take_problem();  // why the last picture has no image
+  std::string take_problem() { return std::exchange(problem_, {}) + log_.take(); }  // why the last picture has no image
 
  private:
   std::optional<capture::Image> decode_by_ffmpeg(std::span<const std::uint8_t> bytes, AVCodecID id);

@@ -11,7 +11,6 @@
 #include "calib/files/csv_table.h"
 #include "calib/files/number_text.h"
 #include "calib/files/text_file.h"
-#include "calib/yaml/yaml_reader.h"
 #include "recordings/bag_pictures.h"
 #include "recordings/bags/bag.h"
 
@@ -162,8 +161,8 @@ std::pair<std::string, std::optional<capture::Crop>> split_crop(const std::strin
   if (!crop)
     throw files::ConfigError(file, 0,
                              "\"" + files::printable(frames) +
-                                 "\" has no part of a picture behind its @: write @u,v,width,height "
-                                 "in whole pixels, such as @640,0,640,480");
+                                 "\" has no part of a picture behind its @: write @u,v,width,height in whole pixels, "
+                                 "such as @640,0,640,480");
   return {frames.substr(0, at), crop};
 }
 
@@ -200,10 +199,9 @@ Recording read_recording(const std::filesystem::path& path) {
     throw files::ConfigError(recording.file, 0, advice);
   const auto yaml = yaml::YamlReader::file(recording.file);
   if (yaml.has("rig") || yaml.has("targets"))
-    yaml.fail(
-        "",
-        "this is a configuration, not a recording: a recording is a folder with a recording.yaml, which names each "
-        "camera's frames");
+    yaml.fail("",
+              "this is a configuration, not a recording: a recording is a folder with a recording.yaml, which names "
+              "each camera's frames");
   yaml.version(1);
   if (yaml.has("started_at"))
     recording.started_at =
@@ -262,11 +260,10 @@ Recording read_recording(std::span<const std::string> words) {
   for (const std::string& word : words) {
     const auto equals = word.find('=');
     if (equals == std::string::npos || equals == 0 || equals + 1 == word.size() || files::has_control_characters(word))
-      throw files::ConfigError(
-          recording.file, 0,
-          "\"" + files::printable(word) +
-              "\" is no CAMERA=FILE: a recording is a recording.yaml, or the folder that holds it, a ROS bag, "
-              "or one CAMERA=FILE per camera: left=a.mp4 right=b.mp4");
+      throw files::ConfigError(recording.file, 0,
+                               "\"" + files::printable(word) +
+                                   "\" is no CAMERA=FILE: a recording is a recording.yaml, or the folder that holds "
+                                   "it, a ROS bag, or one CAMERA=FILE per camera: left=a.mp4 right=b.mp4");
     RecordedCamera camera = recorded_camera(word.substr(0, equals), word.substr(equals + 1), recording.file);
     if (std::ranges::find(recording.cameras, camera.name, &RecordedCamera::name) != recording.cameras.end())
       throw files::ConfigError(recording.file, 0, "names camera " + camera.name + " twice");

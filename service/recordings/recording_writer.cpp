@@ -21,13 +21,13 @@ extern "C" {
 #include <span>
 #include <stdexcept>
 #include <system_error>
-#include <utility>
 
+#include "calib/files/number_text.h"
 #include "calib/files/output_file.h"
 #include "calib/files/text_file.h"
 #include "capture/ffmpeg/ffmpeg_log.h"
 #include "capture/ffmpeg/ffmpeg_objects.h"
-#include "capture/frames/capture_error.h"
+#include "capture/ffmpeg/ffmpeg_picture.h"
 #include "capture/frames/file_descriptor.h"
 #include "capture/frames/image_copy.h"
 #include "recordings/matches_reader.h"
@@ -64,9 +64,7 @@ std::string file_name_of(const std::string& camera) {
 }
 
 std::string decimal_seconds(capture::Timestamp at) {
-  const auto ns = at.time_since_epoch().count();
-  const auto size = ns < 0 ? -static_cast<std::uint64_t>(ns) : static_cast<std::uint64_t>(ns);
-  return fmt::format("{}{}.{:09}", ns < 0 ? "-" : "", size / 1'000'000'000, size % 1'000'000'000);
+  return files::seconds_text(at.time_since_epoch().count());
 }
 
 // Recorded times include the latency: the rig may know it better when the recording is played.
@@ -120,25 +118,6 @@ class CsvFile {
 };
 
 // ---- How an image is stored
-
-AVPixelFormat av_format_of(capture::PixelFormat format) {
-  switch (format) {
-    case capture::PixelFormat::yuyv:
-      return AV_PIX_FMT_YUYV422;
-    case capture::PixelFormat::nv12:
-      return AV_PIX_FMT_NV12;
-    case capture::PixelFormat::i420:
-      return AV_PIX_FMT_YUV420P;
-    case capture::PixelFormat::i422:
-      return AV_PIX_FMT_YUV422P;
-    case capture::PixelFormat::i444:
-      return AV_PIX_FMT_YUV444P;
-    case capture::PixelFormat::grey:
-    case capture::PixelFormat::bgr:  // not stored
-      break;
-  }
-  return AV_PIX_FMT_GRAY8;
-}
 
 // HuffYUV is planar.
 capture::PixelFormat planar(capture::PixelFormat format) {
@@ -215,8 +194,8 @@ class VideoFile {
     } else {
       parameters.codec_type = AVMEDIA_TYPE_VIDEO;
       parameters.codec_id = is_jpeg_ ? AV_CODEC_ID_MJPEG : AV_CODEC_ID_RAWVIDEO;
-      parameters.format = av_format_of(format_);
-      if (!is_jpeg_) parameters.codec_tag = avcodec_pix_fmt_to_codec_tag(av_format_of(format_));
+      parameters.format = capture::av_format_of(format_);
+      if (!is_jpeg_) parameters.codec_tag = avcodec_pix_fmt_to_codec_tag(capture::av_format_of(format_));
     }
     parameters.width = width_;
     parameters.height = height_;
@@ -291,7 +270,7 @@ class VideoFile {
     encoder_.reset(capture::not_null(avcodec_alloc_context3(codec)));
     encoder_->width = width_;
     encoder_->height = height_;
-    encoder_->pix_fmt = av_format_of(planar(format_));
+    encoder_->pix_fmt = capture::av_format_of(planar(format_));
     encoder_->time_base = {1, 1000};
     encoder_->thread_count = 1;
     encoder_->flags |= AV_CODEC_FLAG_GLOBAL_HEADER;

@@ -14,6 +14,7 @@
 
 #include "calib/files/config_error.h"
 #include "calib/files/file_order.h"
+#include "calib/files/median.h"
 #include "calib/files/nearest_word.h"
 #include "capture/frames/comb_watch.h"
 #include "capture/frames/crop.h"
@@ -43,10 +44,7 @@ capture::Duration usual_period(const RecordedCamera& camera, const FrameSelectio
     if (before) steps.push_back(at - *before);
     before = at;
   }
-  if (steps.empty()) return capture::Duration::zero();
-  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
-  std::ranges::nth_element(steps, middle);
-  return *middle;
+  return files::median(std::move(steps), capture::Duration::zero());
 }
 
 // camera and warnings must outlive it. throws ConfigError
@@ -144,8 +142,8 @@ class Stream {
   void refuse_matches(const ReplayOptions& options) const {
     if (!options.takes_matches)
       throw files::ConfigError(camera_.frames, 0,
-                               "has only which pixels match some colours, but this needs pictures: "
-                               "record with send: frames (frames of camera " +
+                               "has only which pixels match some colours, but this needs pictures: record with send: "
+                               "frames (frames of camera " +
                                    camera_.name + ")");
     if (camera_.crop)
       throw files::ConfigError(camera_.frames, 0,
@@ -159,8 +157,8 @@ class Stream {
     const int used = std::bit_width(static_cast<unsigned>(*largest));
     const int usual = std::max(10, used + used % 2);  // of cameras: 10, 12, 14
     contradict(
-        fmt::format("the largest value of its first picture is {} of 65535, so it is played {}: if the camera "
-                    "has {} bits, add bits: {} to scale the pictures; if it is really so dark, add bits: 16",
+        fmt::format("the largest value of its first picture is {} of 65535, so it is played {}: if the camera has {} "
+                    "bits, add bits: {} to scale the pictures; if it is really so dark, add bits: 16",
                     *largest, used <= 12 ? "nearly black" : "dark", usual, usual));
   }
 
@@ -542,8 +540,7 @@ class Stream {
     else if (longest_back_ >= shortest_part && !reader_->wrong_times() && !camera_.trusts_times)
       contradict(
           fmt::format("its time stamps begin again at frame {} (at {:.3f} s), {:.3f} s earlier, {}: {} frames are left "
-                      "out, and those "
-                      "that follow have wrong times: {}",
+                      "out, and those that follow have wrong times: {}",
                       first_back_.first, capture::seconds(first_back_.second), capture::seconds(furthest_back_),
                       is_of_bag ? "as where a clock was set" : "as where files were put together (cat)", back_count_,
                       is_of_bag ? "correct its stamps, or give the two parts as recordings of their own"

@@ -5,10 +5,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <string_view>
-#include <utility>
 
 #include "calib/files/csv_table.h"
+#include "calib/files/median.h"
 
 namespace huetrack::recordings {
 namespace {
@@ -58,12 +57,7 @@ struct FilmTimesTuning {
 };
 constexpr FilmTimesTuning film_times{};
 
-// values: not empty
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::ranges::nth_element(values, middle);
-  return *middle;
-}
+using files::median;
 
 // Times from one frame of the stream to the next, listed ones.
 std::vector<double> listed_steps_s(const RecordedCamera& camera) {
@@ -157,10 +151,8 @@ std::optional<std::string> problem_of_rows(const RecordedCamera& camera, std::in
   if (missing == 0 || missing != film_frames - count) return std::nullopt;
   return fmt::format(
       "{} has {} rows, and leaves out {} in its times, first before row {}; the film has {} frames, which is as many "
-      "as "
-      "with those: from there on, rows stand for other frames: number the rows by the film's frames; if they are "
-      "right, "
-      "add {}",
+      "as with those: from there on, rows stand for other frames: number the rows by the film's frames; if they are "
+      "right, add {}",
       camera.times_file.filename().string(), count, missing == 1 ? "a frame" : fmt::format("{} frames", missing), first,
       film_frames, how_to_confirm);
 }
@@ -280,8 +272,8 @@ std::optional<NumbersProblem> problem_of_numbers(const RecordedCamera& camera, s
   const std::string name = camera.times_file.filename().string();
   if (!has_a_row_a_file)
     return NumbersProblem{
-        fmt::format("numbers are missing before {}, but a glob counts files, and {} has {} rows for {} "
-                    "files: give a pattern, like img%d.jpg; if the rows are right, add {}",
+        fmt::format("numbers are missing before {}, but a glob counts files, and {} has {} rows for {} files: give a "
+                    "pattern, like img%d.jpg; if the rows are right, add {}",
                     before, name, rows.size(), files.size(), how_to_confirm)};
   if (has_gaps && are_counted) return std::nullopt;
   if (has_gaps)
@@ -290,9 +282,8 @@ std::optional<NumbersProblem> problem_of_numbers(const RecordedCamera& camera, s
                                       name, before),
                           true};
   return NumbersProblem{
-      fmt::format("numbers are missing before {}, but {} has a row for every file, and goes on evenly "
-                  "there: if pictures are missing, its times are too early from there on; if none is "
-                  "missing, add {}",
+      fmt::format("numbers are missing before {}, but {} has a row for every file, and goes on evenly there: if "
+                  "pictures are missing, its times are too early from there on; if none is missing, add {}",
                   before, name, how_to_confirm)};
 }
 
@@ -361,8 +352,7 @@ void TimesBesideFilm::report_rate(double stated_s, double film_s, std::string_vi
   has_problem_ = true;
   problems_.push_back(
       fmt::format("{0} says {1:.4g}, but the file itself {2:.4g} frames a second: if the file is right, {3} {4}{5}; if "
-                  "{4} is right "
-                  "(slow motion, a wrong header), add {6}",
+                  "{4} is right (slow motion, a wrong header), add {6}",
                   name_, 1 / stated_s, 1 / film_s, remedy, key_, remedy == leave_out ? " out" : "", how_to_confirm));
 }
 
@@ -411,10 +401,6 @@ void TimesBesideFilm::report_gap(long missing, std::int64_t before) {
       "its own time stamps say that {} missing before frame {}: from there on, {} gives times that are too early: "
       "leave {} out to use the file's time stamps; if these are wrong, add {}",
       missing == 1 ? "a frame is" : fmt::format("{} frames are", missing), before, name_, key_, how_to_confirm));
-}
-
-std::vector<std::string> TimesBesideFilm::take_problems() {
-  return std::exchange(problems_, {});
 }
 
 }  // namespace huetrack::recordings

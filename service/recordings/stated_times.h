@@ -81,7 +81,7 @@ class TimesBesideFilm {
   void see(std::int64_t index, capture::Timestamp stated, capture::Timestamp stamp);
   void end();  // after the last picture
   // Contradictions since the last call, as "fps says 25, but ...".
-  std::vector<std::string> take_problems();
+  std::vector<std::string> take_problems() { return std::exchange(problems_, {}); }
 
  private:
   struct Seen {

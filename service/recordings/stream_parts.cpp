@@ -4,13 +4,12 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <cmath>
 #include <optional>
-#include <utility>
 
 #include "calib/files/config_error.h"
 #include "calib/files/file_order.h"
+#include "calib/files/nearest_word.h"
 #include "capture/ffmpeg/ffmpeg_log.h"
 #include "capture/ffmpeg/ffmpeg_objects.h"
 #include "recordings/recording.h"
@@ -24,8 +23,7 @@ namespace fs = std::filesystem;
 constexpr double longest_break_s = 1, longest_overlap_s = 0.2;
 
 bool is_transport_stream(const fs::path& file) {
-  std::string ending = file.extension().string();
-  std::ranges::transform(ending, ending.begin(), [](unsigned char c) { return std::tolower(c); });
+  const std::string ending = files::to_lower_ascii(file.extension().string());
   static constexpr std::array endings{".mts", ".m2ts", ".m2t", ".ts"};
   std::error_code error;
   return std::ranges::find(endings, ending) != endings.end() && fs::is_regular_file(file, error);
@@ -72,17 +70,15 @@ std::vector<fs::path> stream_parts(const fs::path& frames, std::vector<std::stri
     const auto span = time_span_of(parts[i]);
     if (span && before &&
         (span->from_s > before->to_s + longest_break_s || span->from_s < before->to_s - longest_overlap_s))
-      throw files::ConfigError(
-          parts[i], 0,
-          fmt::format("begins at {:.1f} s by its time stamps, and {} ends at {:.1f} s: these are several "
-                      "takes, not the parts of one: put the parts of one take into a folder of their own; if its clock "
-                      "begins anew in every part, {}",
-                      span->from_s, parts[i - 1].filename().string(), before->to_s, how_to_join));
+      throw files::ConfigError(parts[i], 0,
+                               fmt::format("begins at {:.1f} s by its time stamps, and {} ends at {:.1f} s: these are "
+                                           "several takes, not the parts of one: put the parts of one take into a "
+                                           "folder of their own; if its clock begins anew in every part, {}",
+                                           span->from_s, parts[i - 1].filename().string(), before->to_s, how_to_join));
     if (span && before && span->from_s > before->to_s + longest_overlap_s)
       warnings.push_back(
           fmt::format("{}: begins {:.2f} s after {} ends, by their time stamps: a part is missing between them; give "
-                      "neither fps nor "
-                      "timestamps, so that later pictures keep their times",
+                      "neither fps nor timestamps, so that later pictures keep their times",
                       parts[i].string(), span->from_s - before->to_s, parts[i - 1].filename().string()));
     before = span;
   }

@@ -56,9 +56,8 @@ constexpr int most_warnings = 5;                   // of one kind; further ones 
 // would block on a pipe among them.
 constexpr const char* films =
     "matroska,webm,mov,avi,mjpeg,mjpeg_2000,mpegts,mpeg,mpegvideo,m4v,h264,hevc,av1,obu,ivf,ogg,asf,flv,nut,dv,gif,"
-    "apng,"
-    "yuv4mpegpipe,mpjpeg,rm,wtv,mxf,vc1,image2,png_pipe,jpeg_pipe,bmp_pipe,tiff_pipe,webp_pipe,jpegls_pipe,j2k_pipe,"
-    "pgm_pipe,ppm_pipe,pam_pipe,pbm_pipe,exr_pipe,qoi_pipe,dpx_pipe,sgi_pipe,sunrast_pipe,wav,mp3,flac,aac";
+    "apng,yuv4mpegpipe,mpjpeg,rm,wtv,mxf,vc1,image2,png_pipe,jpeg_pipe,bmp_pipe,tiff_pipe,webp_pipe,jpegls_pipe,j2k_"
+    "pipe,pgm_pipe,ppm_pipe,pam_pipe,pbm_pipe,exr_pipe,qoi_pipe,dpx_pipe,sgi_pipe,sunrast_pipe,wav,mp3,flac,aac";
 
 // Without a container there are no time stamps: FFmpeg counts packets at 25 a second, and the first picture of MPEG-2
 // gets none.
@@ -337,8 +336,8 @@ struct VideoReader::Impl {
     if (camera.fps > 0 || !camera.timestamps.empty() || camera.offset != capture::Duration::zero()) return;
     const std::string begin_s = std::to_string(capture::seconds(duration_of_ticks(first))).substr(0, 5);
     warnings.push_back(camera.frames.string() + ": begins at " + begin_s +
-                       " s, as long as the coding of its B frames takes, so it is played from 0: if the camera "
-                       "really began so much later, give offset_s: " +
+                       " s, as long as the coding of its B frames takes, so it is played from 0: if the camera really "
+                       "began so much later, give offset_s: " +
                        begin_s);
   }
 
@@ -512,11 +511,10 @@ struct VideoReader::Impl {
     if (!order.had_stamps_of_decoding() || camera.fps > 0 || !camera.timestamps.empty() ||
         std::exchange(warned_of_order, true))
       return;
-    warnings.push_back(
-        camera.frames.string() +
-        ": its time stamps are in the order in which its pictures are coded, not shown: the pictures get "
-        "them in the order shown; if they were not taken at even times, give timestamps, or mux it again "
-        "from a file with right ones");
+    warnings.push_back(camera.frames.string() +
+                       ": its time stamps are in the order in which its pictures are coded, not shown: the pictures "
+                       "get them in the order shown; if they were not taken at even times, give timestamps, or mux it "
+                       "again from a file with right ones");
   }
 
   // All pictures from a lost one to the next key frame are predicted from it.
@@ -658,8 +656,7 @@ struct VideoReader::Impl {
                          "that is taken out; if the camera dropped frames there, give timestamps");
     if (joints.left > 0 && !damaged)
       warnings.push_back(
-          fmt::format("{}: its times jump by up to {:.3f} s before {}if no pictures are missing there, "
-                      "give fps",
+          fmt::format("{}: its times jump by up to {:.3f} s before {}if no pictures are missing there, give fps",
                       camera.frames.string(), capture::seconds(duration_of_ticks(joints.longest_left)),
                       places(joints.left, joints.first_left)));
   }

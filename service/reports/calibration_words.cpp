@@ -73,15 +73,12 @@ std::string change_text(const std::string& camera, const room_watch::RoomConditi
   if (room.change.is_plain)
     return fmt::format(
         "a part of {}'s picture (about {:.0f} % of it, {}) has shown no structure since {}: the lens is dirty there, "
-        "or "
-        "something plain is in front of it: clean the lens or clear the view; meanwhile that part is not used to "
-        "detect "
-        "motion",
+        "or something plain is in front of it: clean the lens or clear the view; meanwhile that part is not used to "
+        "detect motion",
         camera, percent, place, since);
   return fmt::format(
       "the room has changed in {}'s view (about {:.0f} % of it, {}) at {}: that part is not used to detect motion "
-      "until "
-      "it is learnt again",
+      "until it is learnt again",
       camera, percent, place, since);
 }
 
@@ -135,8 +132,7 @@ std::string calibration_warning(const std::string& camera, const pipeline::Camer
     case RoomState::hidden:
       return fmt::format(
           "{} has seen nothing of the known room since {}: it was turned far away, or something large is in front of "
-          "it: "
-          "clear its view, or calibrate again",
+          "it: clear its view, or calibrate again",
           camera, since);
   }
   return {};

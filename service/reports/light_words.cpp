@@ -61,10 +61,9 @@ std::vector<Remark> light_remarks(const capture::LightFindings& findings, bool h
     remarks.push_back({fmt::format("the whole picture becomes {:.0f} % brighter or darker within seconds: automatic "
                                    "exposure is on, or the light changes",
                                    100 * *findings.exposure_change),
-                       has_controls
-                           ? "controls: {auto_exposure: 1, exposure_time_absolute: 100, gain: ...} (1: manual), and "
-                             "exposure_dynamic_framerate: 0"
-                           : "exposure and gain to manual in the camera's own program",
+                       has_controls ? "controls: {auto_exposure: 1, exposure_time_absolute: 100, gain: ...} (1: "
+                                      "manual), and exposure_dynamic_framerate: 0"
+                                    : "exposure and gain to manual in the camera's own program",
                        "automatic exposure or changing light"});
   if (findings.balance_change)
     remarks.push_back({fmt::format("all colours of the picture shift, by {:.0f} % of red or blue within seconds: "

@@ -31,8 +31,7 @@ std::string mistake_text(const view_watch::Mistake& mistake, const object_tracki
       if (mistake.off_px == 0)
         return fmt::format(
             "{} is about {:.2f} s {}, as the motion of {} shows; the tracker compensates for it: correct the time "
-            "stamps "
-            "or timing.latency_s",
+            "stamps or timing.latency_s",
             is_either ? "one of " + which : which, std::abs(mistake.size),
             is_either || mistake.size > 0 ? "late" : "early", target.name);
       return fmt::format(
@@ -41,9 +40,8 @@ std::string mistake_text(const view_watch::Mistake& mistake, const object_tracki
     case MistakeKind::uneven_times:
       return fmt::format(
           "the time stamps of {} are wrong by up to {:.2f} s, by varying amounts, as the motion of {} shows: frames "
-          "were "
-          "dropped and not counted, videos did not start together, or a network delays them: give every frame its own "
-          "time (recording.yaml: timestamps), or use cameras whose driver stamps the frames",
+          "were dropped and not counted, videos did not start together, or a network delays them: give every frame its "
+          "own time (recording.yaml: timestamps), or use cameras whose driver stamps the frames",
           which, mistake.size, target.name);
     case MistakeKind::turned:
       return fmt::format(
@@ -64,8 +62,7 @@ std::string mistake_text(const view_watch::Mistake& mistake, const object_tracki
             disagrees);
       return fmt::format(
           "{}, and agrees if left and right are exchanged: its pictures look mirrored: switch that off in the camera "
-          "or "
-          "in the program that recorded it",
+          "or in the program that recorded it",
           disagrees);
     case MistakeKind::upside_down:
       return fmt::format(
@@ -88,9 +85,8 @@ std::string mistake_text(const view_watch::Mistake& mistake, const object_tracki
     case MistakeKind::wrong_order:
       return fmt::format(
           "{} jumps by up to {:.1f} m from one frame set to the next in all views at once, {} times within seconds, "
-          "and "
-          "moves smoothly in between: the pictures are probably not in the order in which they were taken: check the "
-          "names of image files, or what made the videos",
+          "and moves smoothly in between: the pictures are probably not in the order in which they were taken: check "
+          "the names of image files, or what made the videos",
           target.name, mistake.size, mistake.jumps);
     case MistakeKind::converted: {
       const double repeats = mistake.shown_hz / mistake.source_hz;
@@ -118,8 +114,7 @@ std::string mistake_text(const view_watch::Mistake& mistake, const object_tracki
     case MistakeKind::shared_color:
       return fmt::format(
           "the colour of {} covers {:.0f} % of {}'s picture, far more than the object can: narrow the colour, or "
-          "ignore "
-          "what shares it",
+          "ignore what shares it",
           target.name, 100 * mistake.size, which);
   }
   return {};

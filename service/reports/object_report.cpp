@@ -30,9 +30,9 @@ std::string clutter_text(const std::string& camera, const std::string& target,
   if (share.still < clutter_share) return {};
   const auto& box = share.still_box;
   return fmt::format(
-      "{}: {:.1f} % of the picture has the colour of {} and never moves, most of it around {:.0f}, {:.0f} "
-      "(from {}, {} to {}, {}): it is ignored as long as it looks the same; an object in front of it is seen where it "
-      "looks different: narrow the colour, or cover it",
+      "{}: {:.1f} % of the picture has the colour of {} and never moves, most of it around {:.0f}, {:.0f} (from {}, {} "
+      "to {}, {}): it is ignored as long as it looks the same; an object in front of it is seen where it looks "
+      "different: narrow the colour, or cover it",
       camera, 100 * share.still, target, share.still_px.x(), share.still_px.y(), box[0], box[1], box[2], box[3]);
 }
 
@@ -44,8 +44,7 @@ std::string extra_object_text(const object_tracking::TargetOptions& target, cons
         target.name, target.count, text_of(at));
   return fmt::format(
       "{}: something else has its colour and its size, at {}, and may be tracked instead: if there are several "
-      "objects, write "
-      "count: up to 2 (or more); if not, narrow the colour, or ignore the place",
+      "objects, write count: up to 2 (or more); if not, narrow the colour, or ignore the place",
       target.name, text_of(at));
 }
 
@@ -203,10 +202,6 @@ std::vector<std::string> ObjectReport::warnings() const {
   for (const Target& target : targets_)
     if (!target.is_unsure.now.empty()) sentences.push_back(target.is_unsure.now);
   return sentences;
-}
-
-std::vector<std::string> ObjectReport::summary() const {
-  return all(&Finding::ever);
 }
 
 }  // namespace huetrack::reports

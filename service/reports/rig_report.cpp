@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
-#include <algorithm>
 #include <numbers>
 #include <ranges>
 
@@ -128,10 +127,6 @@ std::vector<std::string> RigReport::summary() const {
     if (facts_[c].room.state == RoomState::plain)
       all.push_back("the view of " + cameras_[c] + " has too little structure to detect whether it is moved");
   return all;
-}
-
-bool RigReport::has_had_trouble() const {
-  return std::ranges::any_of(events_, is_trouble, &Event::state);
 }
 
 int RigReport::mend(calib::CameraRig& rig) const {

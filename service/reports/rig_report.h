@@ -2,6 +2,7 @@
 // lasts, and in the summary. It also supplies the corrected rig.
 #pragma once
 
+#include <algorithm>
 #include <mutex>
 #include <optional>
 #include <span>
@@ -30,7 +31,7 @@ class RigReport final : public pipeline::Output {
   // All events since the start, one sentence each. After the run.
   std::vector<std::string> summary() const;
   // is_trouble() held for some camera at any time. After the run.
-  bool has_had_trouble() const;
+  bool has_had_trouble() const { return std::ranges::any_of(events_, is_trouble, &Event::state); }
 
   // Sets the poses of moved cameras in `rig` to their current estimates; returns how many. After the run.
   int mend(calib::CameraRig& rig) const;

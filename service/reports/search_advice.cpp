@@ -29,8 +29,7 @@ std::string what_to_try(const objects::SearchFindings& findings, const object_tr
     return target.shape == object_tracking::TargetShape::blob
                ? "a blob's distance takes two cameras: with one, only balls are found (shape: ball or auto)"
                : "no round region of its colour has a size that gives a distance inside the volume: check the radius, "
-                 "the "
-                 "volume and the colour";
+                 "the volume and the colour";
   if (do_views_contradict)
     return "all cameras show regions of its colour, but the views contradict one another: correct the calibration "
            "first";
@@ -64,8 +63,7 @@ std::string unsure_advice(double unsure_share, const object_tracking::TargetOpti
   if (unsure_share <= usual || opencv.empty()) return {};
   return fmt::format(
       "its sigma was above its radius, {:g} mm, in {:.0f} % of the sets in which it was tracked, so it may be "
-      "something else; {}; "
-      "{}",
+      "something else; {}; {}",
       1e3 * target.radius_m, 100 * unsure_share, color::hue_text(target.color), opencv);
 }
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <charconv>
-#include <cstdlib>
 #include <string_view>
 #include <system_error>
 
@@ -44,10 +43,6 @@ PoseFileWriter::PoseFileWriter(std::filesystem::path file) : file_(std::move(fil
 
 void PoseFileWriter::write(const camera_tracking::CameraEstimate& estimate) {
   if (estimate.state == camera_tracking::PoseState::tracking) file_.write(to_tum_line(estimate));
-}
-
-void PoseFileWriter::flush() {
-  file_.flush();
 }
 
 }  // namespace huetrack::tracks

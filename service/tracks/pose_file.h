@@ -19,7 +19,7 @@ class PoseFileWriter {
   // throws std::runtime_error: the file exists and holds something else; all members throw std::system_error
   explicit PoseFileWriter(std::filesystem::path file);
   void write(const camera_tracking::CameraEstimate& estimate);  // ignores states other than tracking
-  void flush();
+  void flush() { file_.flush(); }
 
  private:
   files::LineFile file_;

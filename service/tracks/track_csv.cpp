@@ -1,7 +1,6 @@
 #include "tracks/track_csv.h"
 
 #include <cmath>
-#include <cstdlib>
 #include <optional>
 
 #include "calib/files/csv_table.h"
@@ -47,14 +46,6 @@ std::string to_csv_row(std::string_view target, const object_tracking::ObjectEst
 }
 
 TrackCsvWriter::TrackCsvWriter(std::filesystem::path file) : file_(std::move(file), kind, track_csv_header) {}
-
-void TrackCsvWriter::write(std::string_view target, const object_tracking::ObjectEstimate& estimate) {
-  file_.write(to_csv_row(target, estimate));
-}
-
-void TrackCsvWriter::flush() {
-  file_.flush();
-}
 
 std::map<std::string, std::vector<object_tracking::ObjectEstimate>> read_track_csv(const std::filesystem::path& file) {
   static constexpr std::string_view columns[] = {"target", "t",   "x",     "y",     "z",         "vx",

@@ -24,8 +24,10 @@ class TrackCsvWriter {
  public:
   // throws std::runtime_error: the file exists and holds something else; all members throw std::system_error
   explicit TrackCsvWriter(std::filesystem::path file);
-  void write(std::string_view target, const object_tracking::ObjectEstimate& estimate);
-  void flush();  // to the kernel
+  void write(std::string_view target, const object_tracking::ObjectEstimate& estimate) {
+    file_.write(to_csv_row(target, estimate));
+  }
+  void flush() { file_.flush(); }  // to the kernel
 
  private:
   files::LineFile file_;

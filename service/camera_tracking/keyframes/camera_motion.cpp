@@ -70,10 +70,6 @@ Matrix6d MotionPrior::covariance(const calib::Tangent6d& velocity) const {
          least * least * Matrix6d::Identity();
 }
 
-void CameraMotion::forget() {
-  *this = {};
-}
-
 void CameraMotion::begin(capture::Timestamp at, const calib::Rigid3d& cam_from_world) {
   last_at_ = at;
   for (std::size_t i = 0; i < filters_.size(); ++i) {

@@ -44,7 +44,7 @@ struct MotionPrior {
 // thread-compatible.
 class CameraMotion {
  public:
-  void forget();                                                            // the camera was lost, or moved unseen
+  void forget() { *this = {}; }                                             // the camera was lost, or moved unseen
   void begin(capture::Timestamp at, const calib::Rigid3d& cam_from_world);  // initialises without a velocity
   // covariance: of the pose's tangent. Calls begin() if the last pose is missing or too old.
   void add(capture::Timestamp at, const calib::Rigid3d& cam_from_world, const Matrix6d& covariance);

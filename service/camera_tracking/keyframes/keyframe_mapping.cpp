@@ -2,7 +2,6 @@
 
 #include <Eigen/LU>
 #include <algorithm>
-#include <cmath>
 
 #include "calib/model/median.h"
 #include "camera_tracking/keyframes/swept_fit.h"

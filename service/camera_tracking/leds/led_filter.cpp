@@ -1,7 +1,6 @@
 #include "camera_tracking/leds/led_filter.h"
 
 #include <Eigen/Eigenvalues>
-#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <map>
@@ -251,18 +250,6 @@ class HuetrackLedFilter final : public LedFilter {
 
 std::unique_ptr<LedFilter> LedFilter::huetrack(const calib::Camera& camera, const LedFilterOptions& options) {
   return std::make_unique<HuetrackLedFilter>(camera, options);
-}
-
-void LedEvidence::add(capture::Timestamp at, int led, bool matched) {
-  flashes_.push_back({at, led, matched});
-}
-
-void LedEvidence::forget(capture::Timestamp before) {
-  while (!flashes_.empty() && flashes_.front().at < before) flashes_.pop_front();
-}
-
-int LedEvidence::matched() const {
-  return static_cast<int>(std::ranges::count(flashes_, true, &Flash::matched));
 }
 
 int LedEvidence::distinct() const {

@@ -2,6 +2,7 @@
 // in images.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <deque>
 #include <memory>
@@ -59,14 +60,17 @@ class LedFilter {
 // Recent matches and misses of the LEDs: the evidence for a pose.
 class LedEvidence {
  public:
-  void add(capture::Timestamp at, int led, bool matched);  // a LED that was lit and projects into the image
-  void forget(capture::Timestamp before);
+  // a LED that was lit and projects into the image
+  void add(capture::Timestamp at, int led, bool matched) { flashes_.push_back({at, led, matched}); }
+  void forget(capture::Timestamp before) {
+    while (!flashes_.empty() && flashes_.front().at < before) flashes_.pop_front();
+  }
   void clear() { flashes_.clear(); }
   int in_view() const { return static_cast<int>(flashes_.size()); }  // expected sightings
-  int matched() const;                                               // of those
-  int distinct() const;                                              // different LEDs that were matched
-  int missed_in_a_row() const;                                       // up to the last one
-  struct Leds {  // different LEDs; matched: at their last expected sighting
+  int matched() const { return static_cast<int>(std::ranges::count(flashes_, true, &Flash::matched)); }  // of those
+  int distinct() const;         // different LEDs that were matched
+  int missed_in_a_row() const;  // up to the last one
+  struct Leds {                 // different LEDs; matched: at their last expected sighting
     int in_view = 0, matched = 0;
   };
   Leds leds() const;

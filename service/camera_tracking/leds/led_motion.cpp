@@ -4,18 +4,14 @@
 #include <cmath>
 #include <tuple>
 
+#include "calib/model/cross_matrix.h"
+
 namespace huetrack::leds {
 
 namespace {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
-
-Matrix3d cross(const Vector3d& w) {
-  Matrix3d m;
-  m << 0, -w.z(), w.y(), w.z(), 0, -w.x(), -w.y(), w.x(), 0;
-  return m;
-}
 
 calib::Rigid3d step(const LedMotionState& s, double dt_s) {
   const double half = 0.5 * dt_s * dt_s;
@@ -37,9 +33,9 @@ LedCovariance transition(const LedMotionState& s, double dt_s) {
   const Matrix3d half_turn = turn(0.5 * dt_s * s.angular_rate).toRotationMatrix();
   const Matrix3d turned = r * half_turn;
   LedCovariance f = LedCovariance::Identity();
-  f.block<3, 3>(0, 3) = -cross(r * d.translation);
+  f.block<3, 3>(0, 3) = -calib::cross_matrix(r * d.translation);
   f.block<3, 3>(0, 6) = turned * dt_s;
-  f.block<3, 3>(0, 9) = -0.5 * dt_s * dt_s * r * cross(s.velocity);
+  f.block<3, 3>(0, 9) = -0.5 * dt_s * dt_s * r * calib::cross_matrix(s.velocity);
   f.block<3, 3>(0, 12) = turned * (0.5 * dt_s * dt_s);
   f.block<3, 3>(3, 9) = turned * dt_s;
   f.block<3, 3>(3, 15) = turned * (0.5 * dt_s * dt_s);
@@ -127,7 +123,7 @@ std::optional<Eigen::Vector2d> led_pixel(const calib::CameraModel& model, const 
   if (!pixel) return std::nullopt;
   LedJacobian at_then = LedJacobian::Zero();
   at_then.leftCols<3>() = -lens * camera_from_world;
-  at_then.middleCols<3>(3) = lens * camera_from_world * cross(away);
+  at_then.middleCols<3>(3) = lens * camera_from_world * calib::cross_matrix(away);
   if (dt_s == 0)
     *jacobian = at_then;
   else

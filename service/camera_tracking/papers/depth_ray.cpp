@@ -1,6 +1,5 @@
 #include "camera_tracking/papers/depth_ray.h"
 
-#include <algorithm>
 #include <cmath>
 
 #include "calib/model/closest_approach.h"
@@ -15,10 +14,6 @@ DepthRay::DepthRay(const Eigen::Vector3d& origin, const Eigen::Vector3d& directi
       step_((1 / near_m - 1 / far_m) / bins),
       weight_(static_cast<std::size_t>(bins), 1.0 / bins),
       gained_(static_cast<std::size_t>(bins), 0.0) {}
-
-void DepthRay::begin() {
-  std::ranges::fill(gained_, 0.0);
-}
 
 void DepthRay::add(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, double weight, double sigma_rad) {
   const Eigen::Vector3d between = origin_ - origin;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <limits>
 #include <optional>
 #include <utility>
@@ -18,7 +19,7 @@ class DepthRay {
            int bins = 160);
 
   // One frame: begin(), add() for every particle's ray through every place where the template is seen, end().
-  void begin();
+  void begin() { std::ranges::fill(gained_, 0.0); }
   // At the reference ray's point nearest to the other ray, at distance p (Fig. 3), adds weight * exp(-p^2 / (2 s^2)), s
   // = sigma_rad times the distance from the other origin. Nearly parallel rays and depths out of range add nothing.
   void add(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, double weight, double sigma_rad);

@@ -2,10 +2,10 @@
 
 #include <Eigen/LU>
 #include <algorithm>
-#include <stdexcept>
 #include <string>
 
 #include "camera_tracking/relocalizer.h"
+#include "particle_filter/resample.h"
 
 namespace huetrack::papers {
 

@@ -8,7 +8,6 @@
 #include "camera_tracking/papers/mean_polish.h"
 #include "camera_tracking/pose_particles.h"
 #include "camera_tracking/scene_map.h"
-#include "particle_filter/resample.h"
 
 namespace huetrack::papers {
 

@@ -24,38 +24,26 @@ void FreeScaler::operator()(SwsContext* p) const {
 
 namespace {
 
+// Ours, FFmpeg's, and its older name for a picture of full range.
+struct KnownFormat {
+  PixelFormat ours;
+  AVPixelFormat theirs, full_range = theirs;
+};
+constexpr std::array<KnownFormat, 7> known_formats{{{PixelFormat::i420, AV_PIX_FMT_YUV420P, AV_PIX_FMT_YUVJ420P},
+                                                    {PixelFormat::i422, AV_PIX_FMT_YUV422P, AV_PIX_FMT_YUVJ422P},
+                                                    {PixelFormat::i444, AV_PIX_FMT_YUV444P, AV_PIX_FMT_YUVJ444P},
+                                                    {PixelFormat::yuyv, AV_PIX_FMT_YUYV422},
+                                                    {PixelFormat::nv12, AV_PIX_FMT_NV12},
+                                                    {PixelFormat::grey, AV_PIX_FMT_GRAY8},
+                                                    {PixelFormat::bgr, AV_PIX_FMT_BGR24}}};
+
 std::optional<PixelFormat> pixel_format_of(AVPixelFormat format, int width, int height) {
-  std::optional<PixelFormat> ours;
-  switch (format) {
-    case AV_PIX_FMT_YUV420P:
-    case AV_PIX_FMT_YUVJ420P:
-      ours = PixelFormat::i420;
-      break;
-    case AV_PIX_FMT_YUV422P:
-    case AV_PIX_FMT_YUVJ422P:
-      ours = PixelFormat::i422;
-      break;
-    case AV_PIX_FMT_YUV444P:
-    case AV_PIX_FMT_YUVJ444P:
-      ours = PixelFormat::i444;
-      break;
-    case AV_PIX_FMT_YUYV422:
-      ours = PixelFormat::yuyv;
-      break;
-    case AV_PIX_FMT_NV12:
-      ours = PixelFormat::nv12;
-      break;
-    case AV_PIX_FMT_GRAY8:
-      ours = PixelFormat::grey;
-      break;
-    case AV_PIX_FMT_BGR24:
-      ours = PixelFormat::bgr;
-      break;
-    default:
-      return std::nullopt;
+  for (const auto& [ours, theirs, full_range] : known_formats) {
+    if (format != theirs && format != full_range) continue;
+    const bool is_odd = (needs_even_width(ours) && width % 2 != 0) || (needs_even_height(ours) && height % 2 != 0);
+    return is_odd ? std::nullopt : std::optional(ours);
   }
-  const bool is_odd = (needs_even_width(*ours) && width % 2 != 0) || (needs_even_height(*ours) && height % 2 != 0);
-  return is_odd ? std::nullopt : ours;
+  return std::nullopt;
 }
 
 // The nearest of our formats, for a format or an odd size that ours cannot hold.
@@ -171,6 +159,10 @@ void read_orientation(const std::uint8_t* side_data, PictureLayout& layout) {
 }
 
 }  // namespace
+
+AVPixelFormat av_format_of(PixelFormat format) {
+  return std::ranges::find(known_formats, format, &KnownFormat::ours)->theirs;
+}
 
 void PictureMaker::set_stream(const AVStream& stream) {
   layout_ = {};

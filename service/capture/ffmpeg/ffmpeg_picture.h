@@ -21,6 +21,8 @@ struct FreeScaler {
 };
 using ScalerPtr = std::unique_ptr<SwsContext, FreeScaler>;
 
+AVPixelFormat av_format_of(PixelFormat format);
+
 // thread-compatible.
 class PictureMaker {
  public:

@@ -1,6 +1,5 @@
 #include "capture/frames/comb_watch.h"
 
-#include <algorithm>
 #include <cstdlib>
 #include <utility>
 

@@ -4,7 +4,6 @@
 #include <array>
 #include <csetjmp>
 #include <cstddef>
-#include <cstdio>
 #include <cstring>
 #include <string_view>
 #include <utility>

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <csetjmp>
-#include <cstdio>
 #include <cstdlib>
 
 // clang-format off
@@ -36,33 +35,26 @@ struct Component {
 
 std::array<Component, 3> components_of(const Image& image) {
   require_all(image);
-  const auto& p = image.planes;
+  const auto at = [&](std::size_t plane, int offset, int step, int u_shift, int v_shift) {
+    return Component{image.planes[plane].data + offset, image.planes[plane].stride, step, u_shift, v_shift};
+  };
   switch (image.format) {
     case PixelFormat::yuyv:
-      return {{{p[0].data, p[0].stride, 2, 0, 0},
-               {p[0].data + 1, p[0].stride, 4, 1, 0},
-               {p[0].data + 3, p[0].stride, 4, 1, 0}}};
+      return {at(0, 0, 2, 0, 0), at(0, 1, 4, 1, 0), at(0, 3, 4, 1, 0)};
     case PixelFormat::nv12:
-      return {{{p[0].data, p[0].stride, 1, 0, 0},
-               {p[1].data, p[1].stride, 2, 1, 1},
-               {p[1].data + 1, p[1].stride, 2, 1, 1}}};
+      return {at(0, 0, 1, 0, 0), at(1, 0, 2, 1, 1), at(1, 1, 2, 1, 1)};
     case PixelFormat::i420:
-      return {
-          {{p[0].data, p[0].stride, 1, 0, 0}, {p[1].data, p[1].stride, 1, 1, 1}, {p[2].data, p[2].stride, 1, 1, 1}}};
+      return {at(0, 0, 1, 0, 0), at(1, 0, 1, 1, 1), at(2, 0, 1, 1, 1)};
     case PixelFormat::i422:
-      return {
-          {{p[0].data, p[0].stride, 1, 0, 0}, {p[1].data, p[1].stride, 1, 1, 0}, {p[2].data, p[2].stride, 1, 1, 0}}};
+      return {at(0, 0, 1, 0, 0), at(1, 0, 1, 1, 0), at(2, 0, 1, 1, 0)};
     case PixelFormat::i444:
-      return {
-          {{p[0].data, p[0].stride, 1, 0, 0}, {p[1].data, p[1].stride, 1, 0, 0}, {p[2].data, p[2].stride, 1, 0, 0}}};
+      return {at(0, 0, 1, 0, 0), at(1, 0, 1, 0, 0), at(2, 0, 1, 0, 0)};
     case PixelFormat::bgr:  // as they are: B, G, R
-      return {{{p[0].data, p[0].stride, 3, 0, 0},
-               {p[0].data + 1, p[0].stride, 3, 0, 0},
-               {p[0].data + 2, p[0].stride, 3, 0, 0}}};
+      return {at(0, 0, 3, 0, 0), at(0, 1, 3, 0, 0), at(0, 2, 3, 0, 0)};
     case PixelFormat::grey:
       break;
   }
-  return {{{p[0].data, p[0].stride, 1, 0, 0}, {}, {}}};
+  return {at(0, 0, 1, 0, 0)};
 }
 
 using Levels = std::array<std::uint8_t, 256>;

@@ -15,10 +15,6 @@ bool is_alone(std::uint8_t marker) {  // has no length behind it
 
 }  // namespace
 
-void JpegSplitter::add(std::span<const std::uint8_t> bytes) {
-  bytes_.insert(bytes_.end(), bytes.begin(), bytes.end());
-}
-
 std::optional<std::vector<std::uint8_t>> JpegSplitter::next() {
   while (!end_) {
     const bool goes_on = inside_ == Inside::nothing  ? find_begin()

@@ -13,7 +13,7 @@ namespace huetrack::capture {
 // thread-compatible.
 class JpegSplitter {
  public:
-  void add(std::span<const std::uint8_t> bytes);
+  void add(std::span<const std::uint8_t> bytes) { bytes_.insert(bytes_.end(), bytes.begin(), bytes.end()); }
   // The next JPEG that is complete; or that another one follows without its end, so that a decoder refuses it and its
   // number counts. nullopt: none in what was added.
   std::optional<std::vector<std::uint8_t>> next();

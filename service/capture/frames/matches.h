@@ -20,7 +20,6 @@
 //      its planes one after the other, in the source's pixel format, coded as in sample_code.h
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <memory>

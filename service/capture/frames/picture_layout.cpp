@@ -81,8 +81,7 @@ std::vector<std::string> notes_on(const PictureLayout& layout) {
   if (layout.is_interlaced)
     notes.push_back(
         "is interlaced: only the first field of every frame is used, with half of the rows; use a progressive mode of "
-        "the "
-        "camera");
+        "the camera");
   if (layout.pixel_aspect != 1)
     notes.push_back("has pixels of " + shape_text(layout.pixel_aspect) +
                     ": players stretch its pictures, but here, as in the rig, pixels are those that are stored");

@@ -1,7 +1,6 @@
 #include "capture/frames/pixel_format.h"
 
 #include <algorithm>
-#include <array>
 #include <cassert>
 #include <stdexcept>
 #include <string>

@@ -1,6 +1,5 @@
 #include "capture/frames/pixels_on_demand.h"
 
-#include <algorithm>
 #include <bit>
 
 namespace huetrack::capture {

@@ -1,9 +1,7 @@
 #include "capture/jpeg/huffman_tables.h"
 
 #include <algorithm>
-#include <memory>
 #include <span>
-#include <utility>
 
 namespace huetrack::capture {
 namespace {

@@ -1,7 +1,6 @@
 #include "capture/jpeg/inverse_transform.h"
 
 #include <algorithm>
-#include <cstring>
 
 #if defined(__SSE2__)
 #include <emmintrin.h>

@@ -1,7 +1,6 @@
 #include "capture/jpeg/jpeg_header.h"
 
 #include <algorithm>
-#include <array>
 #include <numeric>
 #include <string_view>
 #include <utility>

@@ -4,7 +4,6 @@
 #include <atomic>
 #include <bit>
 #include <cstddef>
-#include <random>
 #include <utility>
 
 namespace huetrack::capture {

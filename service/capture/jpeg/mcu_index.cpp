@@ -1,7 +1,6 @@
 #include "capture/jpeg/mcu_index.h"
 
 #include <algorithm>
-#include <utility>
 
 namespace huetrack::capture {
 namespace {

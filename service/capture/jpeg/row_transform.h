@@ -2,7 +2,6 @@
 // for another instruction set.
 #pragma once
 
-#include <array>
 #include <cstddef>
 
 namespace huetrack::capture {

@@ -94,8 +94,4 @@ std::optional<double> CameraClock::sigma_s() const {
   return std::sqrt(variance_s2_ * 2 * (2 * n - 1) / (n * (n + 1)));
 }
 
-std::optional<double> CameraClock::period_s() const {
-  return period_s_ > 0 ? std::optional(period_s_) : std::nullopt;
-}
-
 }  // namespace huetrack::capture

@@ -23,7 +23,8 @@ class CameraClock {
 
   // Standard deviation of the newest smoothed stamp, from the observed jitter. nullopt: too few stamps.
   std::optional<double> sigma_s() const;
-  std::optional<double> period_s() const;  // nullopt: not known yet
+  // nullopt: not known yet
+  std::optional<double> period_s() const { return period_s_ > 0 ? std::optional(period_s_) : std::nullopt; }
 
  private:
   void begin(Timestamp stamp);

@@ -12,15 +12,9 @@
 namespace huetrack::capture {
 
 std::string_view name(StampKind kind) {
-  switch (kind) {
-    case StampKind::start_of_exposure:
-      return "start of exposure";
-    case StampKind::end_of_frame:
-      return "end of frame";
-    case StampKind::dequeued:
-      break;
-  }
-  return "none by the driver, taken on arrival";
+  static constexpr std::string_view names[] = {"start of exposure", "end of frame",
+                                               "none by the driver, taken on arrival"};
+  return names[std::size_t(kind)];
 }
 
 namespace v4l2 {

@@ -2,14 +2,13 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <fstream>
 #include <string_view>
-#include <tuple>
 #include <utility>
 
 #include "calib/files/config_error.h"
 #include "calib/files/file_order.h"
+#include "calib/files/nearest_word.h"
 #include "recordings/bags/bag_file.h"
 #include "recordings/bags/decompress.h"
 
@@ -80,8 +79,7 @@ bool is_bag(const fs::path& path) {
 }
 
 std::string problem_of_beginning(const fs::path& file) {
-  std::string ending = file.extension().string();
-  std::ranges::transform(ending, ending.begin(), [](unsigned char c) { return std::tolower(c); });
+  const std::string ending = files::to_lower_ascii(file.extension().string());
   static constexpr std::array<std::string_view, 3> endings{".mcap", ".db3", ".bag"};
   std::error_code unreadable;
   if (std::ranges::find(endings, ending) == endings.end() || !fs::is_regular_file(file, unreadable) || is_bag(file))

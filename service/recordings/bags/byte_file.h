@@ -5,10 +5,8 @@
 #include <bit>
 #include <concepts>
 #include <cstdint>
-#include <cstring>
 #include <filesystem>
 #include <memory>
-#include <optional>
 #include <span>
 #include <string_view>
 #include <type_traits>

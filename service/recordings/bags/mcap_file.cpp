@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <map>
-#include <utility>
 
 #include "calib/files/config_error.h"
 #include "calib/files/text_file.h"

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <map>
-#include <utility>
 
 #include "calib/files/config_error.h"
 #include "recordings/bags/bag_file.h"

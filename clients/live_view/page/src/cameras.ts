@@ -436,23 +436,15 @@ function drawLive(view: View): void {
   if (!preview || !image) return;
   const g = fitted(canvas, preview.image, preview.size[0]);
   const { width, height } = canvas;
-  const corner = cornerOf(view);
-  const s = (width / preview.image[0]) * view.zoom;
-  const shown = (source: ImageBitmap | HTMLCanvasElement) => {
-    const part = source.width / preview.image[0];
-    g.drawImage(source, corner[0] * part, corner[1] * part, source.width / view.zoom, source.height / view.zoom, 0, 0, width, height);
-  };
-  shown(image);
+  const on = placed(view, g);
+  const { at, scale: s, line } = on;
+  on.draw(image, 1);
   const looked = liveMask?.get(preview.camera);
   if (looked) {
-    g.globalAlpha = 0.75;
     g.imageSmoothingEnabled = false;
-    shown(maskOf(image, looked, preview.image[0]));
+    on.draw(maskOf(image, looked, preview.image[0]), 0.75);
     g.imageSmoothingEnabled = true;
-    g.globalAlpha = 1;
   }
-  const line = Math.max(1.2, 1.4 * devicePixelRatio);
-  const at = (u: number, v: number): [number, number] => [(u + 0.5 - corner[0]) * s, (v + 0.5 - corner[1]) * s];
   const seen: string[] = [];
   const named: Labelled[] = [];
   for (const target of preview.targets) {
@@ -519,7 +511,7 @@ function drawLive(view: View): void {
   const wanted = preview.targets.find((t) => t.target === magnified && t.state !== "left_out" && t.px[0] !== null && t.px[1] !== null);
   if (wanted) drawMagnifier(g, image, preview, wanted, named);
   const layer = layers.get(view.camera);
-  layer?.paint?.(placed(view, g));
+  layer?.paint?.(on);
   canvas.setAttribute("aria-label", layer?.label ?? `Camera ${preview.camera}: ${seen.join("; ") || "no target in view"}`);
 }
 

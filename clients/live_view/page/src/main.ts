@@ -246,10 +246,7 @@ function updateTargets(): void {
     const { latest } = target;
     const fresh = isServing() && now - target.receivedAt < 2000;
     card.dataset.state = fresh ? latest.state : "none";
-    const text = (selector: string, value: string) => {
-      const element = card.querySelector(selector)!;
-      write(element, value);
-    };
+    const text = (selector: string, value: string) => write(card.querySelector(selector)!, value);
     const swatch = card.querySelector(".swatch") as HTMLElement;
     if (swatch.dataset.color !== colorOf(target.name)) swatch.style.background = swatch.dataset.color = colorOf(target.name);
     const isHeld = isServing() && store.status?.mode === "held";
@@ -345,10 +342,7 @@ function updateTrackedCameras(): void {
     const { latest, map } = camera;
     const fresh = isServing() && latest !== null && performance.now() - camera.receivedAt < 2000;
     card.dataset.state = fresh ? latest.state : "none";
-    const text = (selector: string, value: string) => {
-      const element = card.querySelector(selector)!;
-      write(element, value);
-    };
+    const text = (selector: string, value: string) => write(card.querySelector(selector)!, value);
     text(".state", fresh ? latest.state : "no news");
     for (const [i, axis] of ["x", "y", "z"].entries()) {
       const v = fresh ? latest.position[i] : null;
@@ -471,6 +465,14 @@ function clockOf(camera: string): string {
   return `clock of ${clock.host} ${ahead} ± ${(1000 * clock.sigma_s).toFixed(2)}, drifts by ${clock.drift_ppm.toFixed(0)} ppm`;
 }
 
+function fact(name: string, value: string, level = ""): HTMLElement {
+  const div = document.createElement("div");
+  const figure = Object.assign(document.createElement("dd"), { textContent: value });
+  if (level) figure.dataset.level = level;
+  div.append(Object.assign(document.createElement("dt"), { textContent: name }), figure);
+  return div;
+}
+
 function updateHealth(serving: boolean): void {
   if (!isOpen("health")) return;
   const { status } = store;
@@ -491,13 +493,7 @@ function updateHealth(serving: boolean): void {
           ["Frames", String(camera.frames), ""],
           ["Dropped", String(camera.dropped), camera.dropped ? "warn" : ""],
           ["Damaged", String(camera.corrupted), camera.corrupted ? "warn" : ""],
-        ].map(([name, value, level]) => {
-          const div = document.createElement("div");
-          const figure = Object.assign(document.createElement("dd"), { textContent: value });
-          if (level) figure.dataset.level = level;
-          div.append(Object.assign(document.createElement("dt"), { textContent: name }), figure);
-          return div;
-        }),
+        ].map(([name, value, level]) => fact(name, value, level)),
       );
       const line = (text: string, isBad: boolean) => text && item.append(Object.assign(document.createElement("p"), { textContent: text, className: isBad ? "bad" : "" }));
       line([timesOf(camera.name), clockOf(camera.name)].filter(Boolean).join("; "), false);
@@ -517,17 +513,7 @@ function updateHealth(serving: boolean): void {
         ["Bus", store.pulse?.bus ?? ""],
       ]
     : [];
-  $("facts").replaceChildren(
-    ...facts.map(([name, value]) => {
-      const div = document.createElement("div");
-      const dt = document.createElement("dt");
-      const dd = document.createElement("dd");
-      dt.textContent = name;
-      dd.textContent = value;
-      div.append(dt, dd);
-      return div;
-    }),
-  );
+  $("facts").replaceChildren(...facts.map(([name, value]) => fact(name, value)));
 }
 
 onTool("health", { opened: () => updateHealth(isServing()) });
