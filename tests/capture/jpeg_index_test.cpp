@@ -175,6 +175,18 @@ TEST(JpegIndex, TakesFillBytesAndPadding) {
   EXPECT_EQ(index_of(with(2, {0xFF, 0xFE, 0, 2})), nullptr);  // left to the decoder
 }
 
+// libjpeg-turbo then mixes coefficients of two attempts.
+TEST(JpegIndex, LeavesFillBytesWithinTheScanToTheDecoder) {
+  Bytes jpeg = make_jpeg({.width = 320, .height = 240, .quality = 97, .noise = 30});
+  const auto scan = jpeg.begin() + static_cast<std::ptrdiff_t>(segment_at(jpeg, 0xDA)) + 14;
+  constexpr std::array<std::uint8_t, 2> stuffed{0xFF, 0};
+  const auto at = std::search(scan, jpeg.end(), stuffed.begin(), stuffed.end());
+  ASSERT_NE(at, jpeg.end());
+  EXPECT_NE(index_of(jpeg), nullptr);
+  jpeg.insert(at, 0xFF);
+  EXPECT_EQ(index_of(jpeg), nullptr);
+}
+
 TEST(JpegIndex, LeavesOtherKindsToTheDecoder) {
   EXPECT_EQ(index_of({}), nullptr);
   EXPECT_EQ(index_of(make_jpeg({.progressive = true})), nullptr);
