@@ -289,7 +289,7 @@ Taught ColorTeacher::teach(const TeachRequestOptions& request, const object_trac
     if (!region) {
       view.problem =
           "there is no coloured region at this point: it is grey, dark, or runs into everything around it; point at "
-          "a more colourful part of the object";
+          "a more colourful part of the object, or take a moment at which it is better lit";
       continue;
     }
     view.pointed = true;

@@ -309,8 +309,13 @@ std::string meant_hue(const color::HsiRange& range) {
 
 std::string teach_advice(const ServiceConfig& config, const object_tracking::TargetOptions& target,
                          const std::string& recording) {
-  return fmt::format("click on it on the page of huetrack view, or run huetrackd teach {} {} {}--at CAMERA,FRAME,U,V",
-                     config.file.string(), recording, config.targets.size() > 1 ? "--target " + target.name + " " : "");
+  std::string click = "click on it on the page of huetrack view";
+  if (!recording.empty())
+    click = fmt::format("replay with --hold{} and {}",
+                        config.control.allow_teach ? "" : ", with control: {allow_teach: true},", click);
+  return fmt::format("{}, or run huetrackd teach {} {} {}--at CAMERA,FRAME,U,V", click, config.file.string(),
+                     recording.empty() ? "RECORDING" : recording,
+                     config.targets.size() > 1 ? "--target " + target.name + " " : "");
 }
 
 std::string unit_mistake(const ServiceConfig& config) {

@@ -151,9 +151,9 @@ struct ServiceConfig {
 // The colour of a target without one: it matches nothing, because no pixel has saturation 1 and intensity 1.
 inline constexpr color::HsiRange untaught_color{.saturation_min = 1, .intensity_min = 1, .intensity_max = 1};
 bool is_taught(const object_tracking::TargetOptions& target);
-// Advice for an untaught target. recording: command-line argument to teach from.
+// Advice for an untaught target. recording: arguments of the command that replayed it; empty: nothing was replayed.
 std::string teach_advice(const ServiceConfig& config, const object_tracking::TargetOptions& target,
-                         const std::string& recording = "RECORDING");
+                         const std::string& recording = {});
 
 // throws ConfigError if the cameras are not calibrated yet.
 void require_rig(const ServiceConfig& config);

@@ -147,12 +147,14 @@ std::string saved(const color_teaching::Lesson& lesson, const std::filesystem::p
   return text;
 }
 
-std::string warnings(const color_teaching::Lesson& lesson, std::optional<double> said_radius_m) {
-  std::string text;
-  if (!lesson.namesakes.empty())
-    text += fmt::format(" The object also has the colour of {}: they cannot be distinguished.",
-                        fmt::join(lesson.namesakes, ", "));
-  return text + " " + color_teaching::radius_words(lesson.radius, said_radius_m);
+std::string warnings(const color_teaching::Lesson& lesson) {
+  if (lesson.namesakes.empty()) return {};
+  return fmt::format(" The object also has the colour of {}: they cannot be distinguished.",
+                     fmt::join(lesson.namesakes, ", "));
+}
+
+std::string radius(const color_teaching::Lesson& lesson, std::optional<double> said_radius_m) {
+  return " " + color_teaching::radius_words(lesson.radius, said_radius_m);
 }
 
 }  // namespace
@@ -270,7 +272,9 @@ msg::TeachReply TeachingSession::look(const msg::TeachRequest& request, const co
     return reply;
   }
   if (!applies) {
-    reply.reason(learnt(lesson) + warnings(lesson, said_radius_m) + unread);
+    // Why no radius is measured is of interest once all is confirmed: the next point may measure it.
+    const bool may_be_measured = !lesson.unconfirmed.empty() && !lesson.radius.radius_m;
+    reply.reason(learnt(lesson) + warnings(lesson) + (may_be_measured ? "" : radius(lesson, said_radius_m)) + unread);
     return reply;
   }
   if (!lesson.why_useless.empty()) return refusal(request, "Not saved: " + lesson.why_useless + ".");
@@ -282,7 +286,7 @@ msg::TeachReply TeachingSession::look(const msg::TeachRequest& request, const co
                                changes_ignored ? std::optional(pointing.request.ignored) : std::nullopt, radius_m);
   });
   if (!why_not.empty()) return refusal(request, why_not);
-  reply.reason(saved(lesson, file, radius_m.has_value()) + warnings(lesson, said_radius_m));
+  reply.reason(saved(lesson, file, radius_m.has_value()) + warnings(lesson) + radius(lesson, said_radius_m));
   return reply;
 }
 

@@ -3,6 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
 #include <random>
 #include <thread>
 
@@ -170,6 +173,18 @@ TEST(JpegIndex, TakesFillBytesAndPadding) {
   expect_same(with(0, Bytes(500, 0)));  // the rest of a buffer
   EXPECT_EQ(index_of(with(2, Bytes(100, 0x11))), nullptr);
   EXPECT_EQ(index_of(with(2, {0xFF, 0xFE, 0, 2})), nullptr);  // left to the decoder
+}
+
+// libjpeg-turbo then mixes coefficients of two attempts.
+TEST(JpegIndex, LeavesFillBytesWithinTheScanToTheDecoder) {
+  Bytes jpeg = make_jpeg({.width = 320, .height = 240, .quality = 97, .noise = 30});
+  const auto scan = jpeg.begin() + static_cast<std::ptrdiff_t>(segment_at(jpeg, 0xDA)) + 14;
+  constexpr std::array<std::uint8_t, 2> stuffed{0xFF, 0};
+  const auto at = std::search(scan, jpeg.end(), stuffed.begin(), stuffed.end());
+  ASSERT_NE(at, jpeg.end());
+  EXPECT_NE(index_of(jpeg), nullptr);
+  jpeg.insert(at, 0xFF);
+  EXPECT_EQ(index_of(jpeg), nullptr);
 }
 
 TEST(JpegIndex, LeavesOtherKindsToTheDecoder) {
@@ -374,6 +389,26 @@ TEST(JpegIndex, HasTheDecodersPixelsOfRecordings) {
     }
     avformat_close_input(&input);
     EXPECT_EQ(frames, 12);
+  }
+}
+
+// Files that cameras and other programs than libjpeg-turbo's and ours wrote; large and small, grey and of each chroma.
+TEST(JpegIndex, HasTheDecodersPixelsOfPhotographs) {
+  const std::filesystem::path data = HUETRACK_SHARED_DATA;
+  if (!std::filesystem::exists(data)) GTEST_SKIP() << "no " << data;
+  JpegIndexPool pool;
+  for (const char* folder : {"opencv_chessboard_stereo", "caliscope_charuco_4cam/aruco_extrinsic",
+                             "hand_held_7scenes/cam0", "field_cases/glob_order/cam0", "rendered/chessboard/cam0"}) {
+    std::vector<std::filesystem::path> files;
+    for (const auto& entry : std::filesystem::directory_iterator(data / folder))
+      if (entry.path().extension() == ".jpg") files.push_back(entry.path());
+    ASSERT_GE(files.size(), 8U) << folder;
+    std::ranges::sort(files);
+    for (std::size_t i = 0; i < files.size(); i += files.size() / 8) {
+      SCOPED_TRACE(files[i]);
+      std::ifstream in(files[i], std::ios::binary);
+      expect_same(Bytes(std::istreambuf_iterator<char>(in), {}), &pool);
+    }
   }
 }
 

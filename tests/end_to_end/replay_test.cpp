@@ -442,7 +442,8 @@ TEST_F(EndToEnd, ATargetWithoutAColorIsSaidToHaveNone) {
             config::to_yaml(config::load_service_config(untaught)));
   const Result replayed = run({HUETRACKD, "replay", untaught, recording, "--no-dds"});
   EXPECT_THAT(lines_of(replayed.out).back(),
-              testing::AllOf(StartsWith("  search  lime: it has no colour yet: "),
+              testing::AllOf(StartsWith("  search  lime: it has no colour yet: replay with --hold, with control: "
+                                        "{allow_teach: true}, and click on it"),
                              HasSubstr("huetrackd teach " + untaught + " " + recording + " --at CAMERA,FRAME,U,V")));
   EXPECT_THAT(run({HUETRACKD, "check", config}).out, Not(HasSubstr("none yet")));
 }

@@ -177,6 +177,35 @@ TEST(TeachingSession, EachPictureTeachesBeforeTheCalibration) {
   }
 }
 
+// The views differ in the ball's size by a third: the lens of one is wrong. That is said once the user has confirmed
+// it.
+TEST(TeachingSession, ARadiusIsOnlyMissedOnceAllIsConfirmed) {
+  const Eigen::Vector3d at(0, 0, 1);
+  const scene::Scene world =
+      scene::SceneBuilder().cameras_on_ring({.count = 2}).ball({.path = [at](double) { return at; }}).build();
+  config::ServiceConfig config = config_that_allows(true);
+  config.rig = world.rig;
+  auto lens = std::get<calib::PinholeRadtan>(world.rig.cameras[1].model.lens());
+  lens.fx *= 1.35, lens.fy *= 1.35;
+  config.rig.cameras[1].model = calib::CameraModel(lens);
+  TeachingSession session{{.reload = [] { return std::string(); }, .resume = {}}};
+  ASSERT_TRUE(session.freeze(request_of(msg::TEACH_ACTION_FREEZE), config, scene::render(world, {.set_count = 1})[0])
+                  .granted());
+  msg::TeachRequest look = request_of(msg::TEACH_ACTION_LOOK);
+  look.target(config.targets[0].name);
+  for (std::size_t c = 0; c < 2; ++c) {
+    const Eigen::Vector2d px = world.rig.cameras[c].project_world(at)->px;
+    msg::TeachPoint& point = look.points().emplace_back();
+    point.camera(world.rig.cameras[c].name);
+    point.pixel({px.x(), px.y()});
+    const msg::TeachReply reply = session.answer(look, config);
+    const std::string reason = reply.reason();
+    EXPECT_TRUE(std::isnan(reply.radius_m()));
+    EXPECT_THAT(reason, HasSubstr(c == 0 ? "Confirm it where the dashed ring is: " : "Learnt from 2 of 2"));
+    EXPECT_EQ(reason.find("cannot be measured") != std::string::npos, c == 1) << reason;
+  }
+}
+
 TEST(TeachingSession, AnUnreadableRecordingIsReported) {
   const scene::Scene world = scene::SceneBuilder().cameras_on_ring({.count = 2}).ball({}).build();
   const auto sets = scene::render(world, {.set_count = 1});

@@ -21,10 +21,14 @@ bool EntropyBytes::take(std::span<const std::uint8_t> jpeg, std::size_t scan, st
     std::memcpy(to, from, run);
     to += run;
     from = last + 1;
-    while (from < end && *from == 0xFF) ++from;  // fill bytes, as libjpeg takes them
+    while (from < end && *from == 0xFF) ++from;  // fill bytes, which only a marker may follow
     if (from == end) return false;
     const std::uint8_t marker = *from++;
-    if (marker == 0) continue;  // the byte is 0xFF
+    if (marker == 0) {  // the byte is 0xFF
+      // After fill bytes libjpeg-turbo decodes the block twice, and keeps coefficients of its first attempt.
+      if (from - last > 2) return false;
+      continue;
+    }
     --to;
     intervals.push_back({begin, static_cast<std::size_t>(to - first)});
     if (intervals.size() == expected_intervals) break;

@@ -50,8 +50,12 @@ function onWaiting(words: string[], seconds: number): void {
 }
 
 // For a panel's line of text: at once that it works, then the result.
+// The first sentence is emphasised.
 export function say(element: HTMLElement, text: string, isBad = false, isBusy = false): void {
-  if (element.textContent !== text) element.textContent = text;
+  if (element.textContent !== text) {
+    const [first] = /^.*?[.?!](?= [A-Z])/s.exec(text) ?? [text];
+    element.replaceChildren(Object.assign(document.createElement("b"), { textContent: first }), text.slice(first.length));
+  }
   element.classList.toggle("bad", isBad);
   element.classList.toggle("busy", isBusy);
 }

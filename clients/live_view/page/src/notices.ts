@@ -2,12 +2,14 @@
 import { openTargets } from "./adjust";
 import { calibrationRefused, openCalibration } from "./calibrate";
 import { hasControls, openControls } from "./controls";
-import { show } from "./shell";
+import { openTool, show } from "./shell";
 import { isServing, mayChange, store } from "./store";
 import { openTeaching } from "./teach";
 
 const $ = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
-const mostLines = 3;
+// On a phone an open tool needs the room.
+const narrow = matchMedia("(max-width: 760px)");
+const mostLines = () => (narrow.matches && openTool() ? 1 : 3);
 type Level = "bad" | "warn" | "info";
 const levels: Level[] = ["bad", "warn", "info"];
 
@@ -47,7 +49,8 @@ const kinds: (Kind & { family?: string })[] = [
   { is: /colour has (moved|become)/, level: "warn", act: teach },
   { is: /overlapping colours/, level: "warn", act: adjust },
   { is: /correct radius_m/, level: "warn", act: adjust },
-  { is: /never moves|something else has its colour|more objects than|narrow the colour/, level: "info", act: adjust },
+  { is: /of the picture has the colour of (\S+) and never moves/, level: "info", says: "a part of the picture has the colour of {} and never moves: it is ignored as long as it looks the same; narrow the colour, or cover it", act: adjust },
+  { is: /something else has its colour|more objects than|narrow the colour/, level: "info", act: adjust },
   { is: /repeated one picture|repeats its pictures|no frame/, level: "bad", act: health },
   { is: /calibrate (it |the lens |them )?again|was turned|sags|its zoom or focus|rig was found|rig looks like/, level: "warn", act: calibrate("board") },
   { is: /rig has not been checked/, level: "info", act: calibrate("board") },
@@ -69,6 +72,7 @@ const elsewhere: [RegExp, string][] = [
   [/: set controls: .*$/, ""],
   [/\. Set \w+ under cameras\.\S+/, ""],
 ];
+const inReplay: [RegExp, string][] = [[/ until it is estimated from their motion: keep moving the object/, " until the object has moved for some seconds"]];
 
 const isCamera = (name: string) => !!store.status?.cameras.some((c) => c.name === name);
 
@@ -100,7 +104,7 @@ function linesOf(warnings: string[]): Line[] {
     const kind = kinds.find((k) => k.is.test(warning));
     const { names, rest } = parted(warning);
     const first = kind?.is.exec(warning)?.[1] ?? "";
-    const text = kind?.says?.replace("{}", first) ?? elsewhere.reduce((words, [from, to]) => words.replace(from, to), rest);
+    const text = kind?.says?.replace("{}", first) ?? [...elsewhere, ...(store.status?.mode === "run" ? [] : inReplay)].reduce((words, [from, to]) => words.replace(from, to), rest);
     const key = withoutNumbers(text);
     const known = groups.get(key);
     if (known) known.names.push(...names.filter((name) => !known.names.includes(name)));
@@ -128,7 +132,7 @@ export function updateNotices(): void {
   const lines = isServing() ? linesOf(status!.warnings) : [];
   if (pulse?.trouble) lines.unshift({ level: "bad", names: [], text: pulse.trouble, action: null });
   const list = $("warnings");
-  const shown = isAll ? lines : lines.slice(0, mostLines);
+  const shown = isAll ? lines : lines.slice(0, mostLines());
   actions = shown.map((line) => line.action);
   const key = JSON.stringify([shown, shown.map((line) => line.action?.[0]), lines.length]);
   $("notices").hidden = lines.length === 0;
@@ -136,7 +140,7 @@ export function updateNotices(): void {
   list.dataset.shown = key;
   list.replaceChildren(...shown.map(itemOf));
   const more = $("warnings-more");
-  const hidden = lines.length - mostLines;
+  const hidden = lines.length - mostLines();
   more.hidden = hidden <= 0 && !isAll;
   more.textContent = isAll ? "Fewer" : `${hidden} more`;
   more.setAttribute("aria-expanded", String(isAll));

@@ -10,6 +10,7 @@ let isKnown = false; // whether it is
 let isPaused = false;
 let positionAt = { s: NaN, at: 0 }; // of the last answer, and performance.now() then
 let length = NaN; // s; NaN: unknown
+let isBound = false; // its times must not jump
 let isSeeking = false; // by the slider, now
 let asking = 0; // requests that are on their way
 
@@ -29,6 +30,7 @@ async function send(...words: string[]): Promise<void> {
     const position = Number(state.position_s);
     positionAt = { s: position, at: performance.now() };
     length = state.seeks === "true" ? Number(state.length_s || NaN) : NaN;
+    isBound = state.seeks === "false";
     const of = length > 0 ? ` of ${length.toFixed(1)}` : "";
     $("replay-at").textContent = `${isPaused ? "paused at" : "at"} ${position.toFixed(2)}${of} s`;
     showSeek(position);
@@ -39,6 +41,7 @@ async function send(...words: string[]): Promise<void> {
 function showSeek(position: number): void {
   const slider = $<HTMLInputElement>("replay-seek");
   slider.hidden = !(length > 0);
+  $("replay-why").hidden = !isBound;
   if (isSeeking || slider.hidden) return;
   slider.max = String(length);
   slider.value = String(position);

@@ -27,7 +27,7 @@ export function updateRecordings(): void {
     asked = -Infinity;
     why = "";
     say(says, "");
-    show([]);
+    show([], false);
   }
   refuse("recordings", now ? why : "No service is connected.");
   // Closed, only whether it records is shown.
@@ -46,7 +46,7 @@ async function refresh(): Promise<void> {
     state = reply.granted ? Object.fromEntries(reply.rows.map(([key, value]) => [key, value])) : null;
     why = reply.granted ? "" : reply.reason;
     refuse("recordings", why);
-    if (listed) show(listed.granted ? listed.rows : []);
+    if (listed) show(listed.granted ? listed.rows : [], listed.granted);
   } finally {
     isAsking = false;
     asked = performance.now();
@@ -84,12 +84,12 @@ const size = (bytes: number) => (bytes < 1e6 ? `${(bytes / 1e3).toFixed(0)} kB` 
 const moment = (text: string) => (text ? new Date(1000 * Number(text)).toLocaleString(undefined, { dateStyle: "short", timeStyle: "short" }) : "");
 
 let shown = "";
-function show(rows: string[][]): void {
-  const key = JSON.stringify([rows, state?.state === "replay"]);
+function show(rows: string[][], isListed: boolean): void {
+  const key = JSON.stringify([rows, isListed, state?.state === "replay"]);
   if (key === shown) return;
   shown = key;
   $("recordings-table").hidden = !rows.length;
-  $("recordings-none").hidden = rows.length > 0 || !isOpen("recordings");
+  $("recordings-none").hidden = rows.length > 0 || !isListed;
   $("recordings-list").replaceChildren(...rows.map(rowOf));
 }
 
