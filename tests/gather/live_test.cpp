@@ -12,6 +12,7 @@
 #include "calib/gather/image_files.h"
 #include "calib/gather/live_boards.h"
 #include "calib/gather/live_cameras.h"
+#include "calib/gather/view_coverage.h"
 #include "end_to_end/process.h"
 #include "gather/pictured_rig.h"
 
