@@ -27,7 +27,9 @@ std::string files_beside(const fs::path& missing) {
     if (alike.size() + others.size() == most) break;
     const std::string name = entry->path().filename().string();
     std::error_code unknown;
-    if (name.starts_with('.') || !entry->is_regular_file(unknown)) continue;
+    if (name.starts_with('.')) continue;
+    if (!missing.has_extension() && entry->is_directory(unknown)) alike.push_back(name + "/");
+    if (!entry->is_regular_file(unknown)) continue;
     (entry->path().extension() == missing.extension() ? alike : others).push_back(name);
   }
   std::vector<std::string>& names = alike.empty() ? others : alike;

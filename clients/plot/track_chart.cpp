@@ -403,7 +403,7 @@ class Chart {
 
 ChartFigures figures_of(const ChartTarget& target) {
   ChartFigures f{.name = target.name, .rows = target.rows.size()};
-  double sum = 0;
+  double sum = 0, tracking_sum = 0;
   std::size_t inside = 0;
   for (const TrackRow& row : target.rows) {
     ++(row.state == "tracking"    ? f.tracking
@@ -418,11 +418,16 @@ ChartFigures figures_of(const ChartTarget& target) {
     ++f.compared;
     f.is_ever_near |= row.state == "tracking" && error.norm() <= near_m;
     sum += error.squaredNorm();
+    if (row.state == "tracking") {
+      ++f.compared_tracking;
+      tracking_sum += error.squaredNorm();
+    }
     f.max_m = std::max(f.max_m, error.norm());
     inside += truth::nees(error, row.covariance) <= calib::chi2_95_in_3d ? 1 : 0;
   }
   if (f.compared > 0) {
     f.rms_m = std::sqrt(sum / static_cast<double>(f.compared));
+    f.tracking_rms_m = std::sqrt(tracking_sum / static_cast<double>(std::max<std::size_t>(1, f.compared_tracking)));
     f.inside_95 = static_cast<double>(inside) / static_cast<double>(f.compared);
   }
   return f;
@@ -436,7 +441,10 @@ std::string to_text(const ChartFigures& f) {
       fmt::format("{}: {} samples; tracking {:.1f} %, coasting {:.1f} %, searching {:.1f} %, lost {:.1f} %", f.name,
                   f.rows, share(f.tracking), share(f.coasting), share(f.searching), share(f.lost));
   if (f.compared > 0)
-    text += fmt::format("; error rms {:.1f} mm, max {:.1f} mm; truth in the 95 % ellipsoid {:.1f} %", 1e3 * f.rms_m,
+    text += fmt::format("; error rms {:.1f} mm{}, max {:.1f} mm; truth in the 95 % ellipsoid {:.1f} %", 1e3 * f.rms_m,
+                        f.compared_tracking > 0 && f.compared_tracking < f.compared
+                            ? fmt::format(" ({:.1f} mm while tracking)", 1e3 * f.tracking_rms_m)
+                            : "",
                         1e3 * f.max_m, 100 * f.inside_95);
   if (f.compared > 0 && f.compared < f.positions)
     text += fmt::format("; compared where there is a truth, {} of {} positions", f.compared, f.positions);

@@ -18,12 +18,14 @@ struct ChartTarget {
 struct ChartFigures {
   std::string name;
   std::size_t rows = 0, tracking = 0, coasting = 0, lost = 0, searching = 0;
-  std::size_t positions = 0;    // rows that have one
-  std::size_t in_truth = 0;     // rows with a truth at their time
-  std::size_t compared = 0;     // rows with both
-  double rms_m = 0, max_m = 0;  // of those
-  bool is_ever_near = false;    // within 50 mm of the truth while tracking (`huetrackd compare`: locked)
-  double inside_95 = 0;         // share of those whose truth lies in the 95 % ellipsoid
+  std::size_t positions = 0;          // rows that have one
+  std::size_t in_truth = 0;           // rows with a truth at their time
+  std::size_t compared = 0;           // rows with both
+  double rms_m = 0, max_m = 0;        // of those
+  std::size_t compared_tracking = 0;  // of those: with state tracking
+  double tracking_rms_m = 0;
+  bool is_ever_near = false;  // within 50 mm of the truth while tracking (`huetrackd compare`: locked)
+  double inside_95 = 0;       // share of those whose truth lies in the 95 % ellipsoid
 };
 ChartFigures figures_of(const ChartTarget& target);
 std::string to_text(const ChartFigures& figures);

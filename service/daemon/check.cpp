@@ -120,6 +120,24 @@ namespace {
 
 using Tracks = std::map<std::string, std::vector<object_tracking::ObjectEstimate>>;
 
+bool is_track(const std::filesystem::path& file) {
+  try {
+    return !tracks::read_track_csv(file).empty();
+  } catch (const files::ConfigError&) {
+    return false;
+  }
+}
+
+Tracks tracks_or_name_swap(const CompareCommand& command) {
+  try {
+    return tracks::read_track_csv(command.tracks);
+  } catch (const files::ConfigError&) {
+    if (!std::filesystem::exists(command.tracks) || !is_track(command.truth)) throw;
+    throw std::runtime_error(command.truth.string() + " is a track, and " + command.tracks.string() +
+                             " is none: write huetrackd compare TRACK TRUTH");
+  }
+}
+
 // Aligns all tracks by one transform, if asked, and prints it.
 void align(Tracks& tracks, const tracks::Truth& truth, const CompareCommand& command) {
   if (command.align == truth::Freedom::none && !command.align_time) return;
@@ -160,8 +178,8 @@ void require_common_times(const Tracks& tracks, const tracks::Truth& truth, cons
 }  // namespace
 
 void compare(const CompareCommand& command) {
+  Tracks tracks = tracks_or_name_swap(command);
   tracks::Truth truth = tracks::Truth::read(command.truth);
-  Tracks tracks = tracks::read_track_csv(command.tracks);
   std::vector<std::string> targets;
   for (const auto& [target, _] : tracks) targets.push_back(target);
   for (const auto& sentence : truth.match(targets)) spdlog::warn("{}: {}", command.truth.string(), sentence);

@@ -26,8 +26,14 @@ constexpr auto network_period = 1s;
 constexpr std::size_t kept_replies = 64, kept_teach_replies = 8;
 constexpr auto map_period = 1s;
 constexpr auto freeze_patience = 3s;          // for a set to freeze
+constexpr auto whole_freeze_patience = 1s;    // for one with a picture of every camera
 constexpr auto kept_freeze_patience = 300ms;  // likewise, if a set was kept
 constexpr auto repeat_after = 1s;             // a kept set is shown again, for late joiners
+
+bool has_all_pictures(const capture::FrameSet& set) {
+  return std::ranges::all_of(set.frames,
+                             [](const auto& frame) { return frame && frame->status == capture::FrameStatus::ok; });
+}
 
 }  // namespace
 
@@ -106,7 +112,7 @@ void PageService::serve(const std::stop_token& stop) {
     take_requests();
     take_control_requests();
     control_.poll();
-    if (to_freeze_ && job) {
+    if (to_freeze_ && job && (has_all_pictures(job->set) || now > freeze_requested_at_ + whole_freeze_patience)) {
       freeze(job->set);
     } else if (to_freeze_ && last && now > freeze_requested_at_ + kept_freeze_patience) {
       freeze(last->set);

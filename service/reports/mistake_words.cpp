@@ -106,8 +106,9 @@ std::string mistake_text(const view_watch::Mistake& mistake, const object_tracki
     case MistakeKind::delayed:
       return fmt::format(
           "the times of {}'s pictures vary by {:.0f} ms (1 sigma), but the path of {} is smooth at even ones: they are "
-          "those at which the pictures arrived: give fps (about {:.3g}) instead of timestamps, or times of the camera "
-          "itself",
+          "those at which the pictures arrived: in a recording give fps (about {:.3g}) instead of timestamps; live, "
+          "use "
+          "a camera whose driver stamps its frames",
           which, 1e3 * mistake.size, target.name, mistake.shown_hz);
     case MistakeKind::radius:
       return radius_advice(mistake.range_m, target);

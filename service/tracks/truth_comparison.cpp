@@ -33,6 +33,10 @@ std::optional<double> TruthComparison::add(const object_tracking::ObjectEstimate
   if (sums_.lock_set) {
     ++sums_.samples;
     sums_.rms_m += error_m * error_m;
+    if (tracking) {
+      ++sums_.tracking_samples;
+      sums_.tracking_rms_m += error_m * error_m;
+    }
     sums_.max_m = std::max(sums_.max_m, error_m);
     const double squared = nees(error, estimate.covariance);
     sums_.mean_nees += squared;
@@ -45,6 +49,7 @@ TruthFigures TruthComparison::figures() const {
   TruthFigures figures = sums_;
   if (const auto n = static_cast<double>(figures.samples); n > 0) {
     figures.rms_m = std::sqrt(figures.rms_m / n);
+    figures.tracking_rms_m = std::sqrt(figures.tracking_rms_m / static_cast<double>(figures.tracking_samples));
     figures.mean_nees /= n;
     figures.share_inside_95 /= n;
   }
@@ -56,10 +61,12 @@ std::string to_text(const TruthFigures& f) {
     return fmt::format(
         "never within {:.0f} mm of the truth while tracking, in {} sets; over {:.0f} cm off while tracking: {}",
         1e3 * lock_within_m, f.sets, 1e2 * wrong_beyond_m, f.wrong_tracking);
+  const std::string tracking =
+      f.tracking_samples < f.samples ? fmt::format(" ({:.1f} mm while tracking)", 1e3 * f.tracking_rms_m) : "";
   return fmt::format(
-      "locked in set {} ({:.3f} s); then {} samples, rms error {:.1f} mm, max {:.1f} mm, mean NEES {:.2f}, truth "
+      "locked in set {} ({:.3f} s); then {} samples, rms error {:.1f} mm{}, max {:.1f} mm, mean NEES {:.2f}, truth "
       "inside the 95 % ellipsoid {:.1f} %; over {:.0f} cm off while tracking: {} of {}",
-      *f.lock_set, f.lock_s, f.samples, 1e3 * f.rms_m, 1e3 * f.max_m, f.mean_nees, 100 * f.share_inside_95,
+      *f.lock_set, f.lock_s, f.samples, 1e3 * f.rms_m, tracking, 1e3 * f.max_m, f.mean_nees, 100 * f.share_inside_95,
       1e2 * wrong_beyond_m, f.wrong_tracking, f.sets);
 }
 

@@ -20,6 +20,8 @@ struct TruthFigures {
   double lock_s = 0;                    // capture time from the first set to that one
   std::size_t samples = 0;              // after lock
   double rms_m = 0, max_m = 0;          // position error, after lock
+  std::size_t tracking_samples = 0;     // of these samples: with state tracking
+  double tracking_rms_m = 0;            // of those
   std::size_t wrong_tracking = 0;       // sets with state tracking and an error over 10 cm, before lock included
   double mean_nees = 0;                 // after lock; 3: consistent covariance
   double share_inside_95 = 0;           // of the samples after lock: truth inside the 95 % ellipsoid
@@ -43,7 +45,7 @@ class TruthComparison {
  private:
   const Truth* truth_;
   std::string target_;
-  TruthFigures sums_;  // rms_m, mean_nees, share_inside_95: sums, divided in figures()
+  TruthFigures sums_;  // rms_m, tracking_rms_m, mean_nees, share_inside_95: sums, divided in figures()
   std::optional<capture::Timestamp> first_at_;
   truth::EstimatedSample tracking_;
 };

@@ -169,6 +169,7 @@ TEST_F(EndToEnd, AnOffsetOfTheClocksIsNamedWhereItExplainsTheError) {
   EXPECT_THAT(aligned.out, testing::ContainsRegex("^aligned: a clock offset of -?0.00"));
   EXPECT_THAT(aligned.out, Not(HasSubstr("explains")));
   EXPECT_GT(run({HUETRACKD, "compare", csv, truth, "--align", "affine"}).status, 100);
+  EXPECT_THAT(run({HUETRACKD, "compare", truth, csv}).err, HasSubstr("is none: write huetrackd compare TRACK TRUTH"));
   const Result apart = run({HUETRACKD, "compare", csv, truth, "--clock-offset", "1000"});
   EXPECT_EQ(apart.status, 1);
   EXPECT_THAT(apart.err, AllOf(HasSubstr("nothing can be compared: the tracks are at -1000."),

@@ -48,6 +48,7 @@ TEST(TextFile, NamesFilesThatMayBeMeant) {
   const fs::path folder = fs::path(testing::TempDir()) / ("beside_" + std::to_string(::getpid()));
   fs::create_directories(folder / "sub");
   EXPECT_EQ(files_beside(folder / "recording.yaml"), "");  // only a folder
+  EXPECT_EQ(files_beside(folder / "subs"), "; in that folder is sub/");
   std::ofstream(folder / "cam0.mp4") << "x";
   EXPECT_EQ(files_beside(folder / "recording.yaml"), "; in that folder is cam0.mp4");
   for (const char* name : {"img10.png", "img2.png", "img1.png", "img3.png", "img4.png", ".hidden.png"})

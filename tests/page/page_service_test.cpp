@@ -222,6 +222,54 @@ class CountingPlayback final : public Playback {
   std::atomic<int> steps = 0;
 };
 
+// A busy machine misses a frame now and then: what is taught needs all cameras' pictures.
+TEST(PageService, FreezesASetWithAllPicturesIfOneComesSoon) {
+  config::ServiceConfig c = config();
+  c.control.allow_teach = true;
+  PageService server(c, {.actions = {.reload = [] { return std::string(); }, .resume = {}}});
+  idl::DdsParticipant participant({.name = "test", .domain = publish::test_domain(), .interfaces = {"lo"}});
+  auto& writer =
+      participant.create_writer<msg::TeachRequestPubSubType>(idl::teach_request_topic, idl::teach_writer_qos(), "");
+  auto& reader = participant.create_reader<msg::TeachReplyPubSubType>(idl::teach_reply_topic, idl::teach_reader_qos());
+  const auto us = idl::PublisherIdentity::of_this_process({});
+  msg::TeachRequest request;
+  request.client("page");
+  request.host(us.host);
+  request.pid(us.pid);
+  request.action(msg::TEACH_ACTION_FREEZE);
+  const auto ask = [&](std::uint32_t number) {
+    request.number(number);
+    for (int i = 0; i == 0 || (i < 20 && !server.wants()); ++i) {  // until both sides know each other
+      writer.write(&request);
+      until([&] { return server.wants(); }, 500ms);
+    }
+  };
+  std::uint64_t set = 0;
+  const auto offer = [&](bool is_whole) {
+    if (!until([&] { return server.wants(); }, 500ms)) return;
+    pictures::PictureJob job = job_of(c, ++set);
+    if (!is_whole) job.set.frames[1].reset();
+    server.offer(std::move(job));
+  };
+  msg::TeachReply reply;
+  ask(1);
+  offer(false);
+  offer(true);
+  ASSERT_TRUE(until([&] { return idl::take_next(reader, reply) && reply.number() == 1; }));
+  EXPECT_EQ(reply.set_number(), 2u);
+  EXPECT_FALSE(reply.cameras()[1].jpeg().empty());
+
+  // A camera that delivers nothing: what there is.
+  ask(2);
+  ASSERT_TRUE(until([&] {
+    offer(false);
+    return idl::take_next(reader, reply) && reply.number() == 2;
+  }));
+  EXPECT_TRUE(reply.granted()) << reply.reason();
+  EXPECT_FALSE(reply.cameras()[0].jpeg().empty());
+  EXPECT_TRUE(reply.cameras()[1].jpeg().empty());
+}
+
 TEST(PageService, ARepeatedRequestIsExecutedOnceWhateverWasRequestedInBetween) {
   config::ServiceConfig c = config();
   c.control.allow_teach = true;

@@ -59,9 +59,10 @@ class Plot : public Test {
 TEST_F(Plot, WritesEveryFormatAndPrintsTheFigures) {
   internal::CaptureStdout();
   plot({.tracks = tracks(), .truth = truth("ball"), .out = folder / "a.png"});
-  EXPECT_THAT(internal::GetCapturedStdout(),
-              AllOf(HasSubstr("ball: 100 samples; tracking 85.0 %, coasting 5.0 %, searching 1.0 %, lost 9.0 %"),
-                    HasSubstr("error rms 3.0 mm, max 3.0 mm"), HasSubstr("95 % ellipsoid 100.0 %")));
+  EXPECT_THAT(
+      internal::GetCapturedStdout(),
+      AllOf(HasSubstr("ball: 100 samples; tracking 85.0 %, coasting 5.0 %, searching 1.0 %, lost 9.0 %"),
+            HasSubstr("error rms 3.0 mm (3.0 mm while tracking), max 3.0 mm"), HasSubstr("95 % ellipsoid 100.0 %")));
   EXPECT_THAT(read(folder / "a.png"), StartsWith("\x89PNG"));
   plot({.tracks = tracks(), .truth = {}, .out = folder / "a.html"});
   const std::string html = read(folder / "a.html");
@@ -100,8 +101,8 @@ TEST_F(Plot, InterpolatesTheTruth) {
   EXPECT_FALSE(fs::exists(folder / "a.svg"));
   internal::CaptureStdout();
   plot({.tracks = file, .truth = truth, .out = folder / "a.html", .clock_offset_s = 1e9});
-  EXPECT_THAT(internal::GetCapturedStdout(),
-              AllOf(HasSubstr("error rms 3.0 mm, max 3.0 mm"), HasSubstr("compared where there is a truth, 47 of 90")));
+  EXPECT_THAT(internal::GetCapturedStdout(), AllOf(HasSubstr("error rms 3.0 mm (3.0 mm while tracking), max 3.0 mm"),
+                                                   HasSubstr("compared where there is a truth, 47 of 90")));
   const std::string html = read(folder / "a.html");
   EXPECT_THAT(html, AllOf(HasSubstr("live.csv, from 2001-09-09 01:46:40.000 UTC"),
                           HasSubstr("prefers-color-scheme:dark"), HasSubstr("svg class=\"narrow\"")));

@@ -57,8 +57,9 @@ TEST(MistakeWords, NameCameraSizeAndRemedy) {
               AllOf(HasSubstr("repeatedly"), HasSubstr("every: 2")));
   EXPECT_THAT(text({MistakeKind::exchanged, {1}, 0.03}),
               AllOf(HasSubstr("every two pictures of right"), HasSubstr("field")));
-  EXPECT_THAT(text({.kind = MistakeKind::delayed, .cameras = {1}, .size = 0.0087, .shown_hz = 29.97}),
-              AllOf(HasSubstr("right's pictures vary by 9 ms"), HasSubstr("fps (about 30)")));
+  EXPECT_THAT(
+      text({.kind = MistakeKind::delayed, .cameras = {1}, .size = 0.0087, .shown_hz = 29.97}),
+      AllOf(HasSubstr("right's pictures vary by 9 ms"), HasSubstr("fps (about 30)"), HasSubstr("live, use a camera")));
   EXPECT_THAT(text({MistakeKind::contradiction, {}, 0, 9}),
               AllOf(HasSubstr("up to 9 px apart"), HasSubstr("calibrate again")));
   EXPECT_THAT(text({MistakeKind::other_rig, {}, 0, 80}), HasSubstr("another room"));

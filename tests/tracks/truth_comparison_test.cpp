@@ -50,7 +50,10 @@ TEST_F(TruthFile, FiguresCoverTheSetsAfterTheLock) {
   EXPECT_EQ(f.wrong_tracking, 1u);
   EXPECT_NEAR(f.mean_nees, (9.0 + 16.0 + 0.0) / 3, 1e-6);
   EXPECT_NEAR(f.share_inside_95, 1.0 / 3, 1e-9);
-  EXPECT_THAT(to_text(f), HasSubstr("locked in set 4 (0.300 s); then 3 samples, rms error 28.9 mm, max 40.0 mm"));
+  EXPECT_EQ(f.tracking_samples, 2u);
+  EXPECT_NEAR(f.tracking_rms_m, 0.03 / std::sqrt(2), 1e-9);
+  EXPECT_THAT(to_text(f), HasSubstr("locked in set 4 (0.300 s); then 3 samples, rms error 28.9 mm (21.2 mm while "
+                                    "tracking), max 40.0 mm"));
 }
 
 TEST_F(TruthFile, WithoutALockThereAreNoFigures) {

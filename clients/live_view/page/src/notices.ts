@@ -72,7 +72,11 @@ const elsewhere: [RegExp, string][] = [
   [/: set controls: .*$/, ""],
   [/\. Set \w+ under cameras\.\S+/, ""],
 ];
-const inReplay: [RegExp, string][] = [[/ until it is estimated from their motion: keep moving the object/, " until the object has moved for some seconds"]];
+const live: [RegExp, string][] = [[/ in a recording give fps \(about [\d.]+\) instead of timestamps; live,/, ""]];
+const inReplay: [RegExp, string][] = [
+  [/; live, use a camera whose driver stamps its frames/, ""],
+  [/ until it is estimated from their motion: keep moving the object/, " until the object has moved for some seconds"],
+];
 
 const isCamera = (name: string) => !!store.status?.cameras.some((c) => c.name === name);
 
@@ -104,7 +108,7 @@ function linesOf(warnings: string[]): Line[] {
     const kind = kinds.find((k) => k.is.test(warning));
     const { names, rest } = parted(warning);
     const first = kind?.is.exec(warning)?.[1] ?? "";
-    const text = kind?.says?.replace("{}", first) ?? [...elsewhere, ...(store.status?.mode === "run" ? [] : inReplay)].reduce((words, [from, to]) => words.replace(from, to), rest);
+    const text = kind?.says?.replace("{}", first) ?? [...elsewhere, ...(store.status?.mode === "run" ? live : inReplay)].reduce((words, [from, to]) => words.replace(from, to), rest);
     const key = withoutNumbers(text);
     const known = groups.get(key);
     if (known) known.names.push(...names.filter((name) => !known.names.includes(name)));
