@@ -154,6 +154,12 @@ BestSolution solved(const WaveSolution& unsolved, const WaveStart& start, bool a
   return best;
 }
 
+WaveStart start_of(const calib::CameraRig& rig) {
+  WaveStart start;
+  for (const calib::Camera& camera : rig.cameras) start.cam_from_world.push_back(camera.cam_from_world);
+  return start;
+}
+
 // Without poses. With guessed lenses, other focal lengths are tried until most of the frames agree. throws
 // CalibrationError
 std::unique_ptr<WaveSolution> from_nothing(calib::CameraRig rig, const std::vector<BallFrame>& frames,
@@ -174,28 +180,50 @@ std::unique_ptr<WaveSolution> from_nothing(calib::CameraRig rig, const std::vect
 }
 
 // From the rig's poses; from nothing where there are none, or where they do not fit. throws CalibrationError
-Found find_solution(const calib::CameraRig& rig, const std::vector<BallFrame>& frames, const WaveOptions& options) {
-  const WaveSolution unsolved(rig, frames, options);
-  require_connected(rig, pairs_of(rig, unsolved.tracks()));
+Found with_free_poses(const calib::CameraRig& rig, const std::vector<BallFrame>& frames, const WaveOptions& options) {
   if (!options.has_poses) return {from_nothing(rig, frames, options), false};
-  WaveStart start;
-  for (const calib::Camera& camera : rig.cameras) start.cam_from_world.push_back(camera.cam_from_world);
-  BestSolution best = solved(unsolved, start, false, options);
+  BestSolution best = solved(WaveSolution(rig, frames, options), start_of(rig), false, options);
   if (best.fits()) return {best.take(), false};
-  if (options.hold_poses) {
-    const auto solution = best.take();
-    throw solver::CalibrationError(
-        fmt::format(
-            "only {:.0f} % of the frames with the target's colour agree with the poses that the rig has: {}they "
-            "are not right, or the cameras' names are swapped",
-            1e2 * solution->used_share(),
-            solution->is_held() ? "a hand hides too much of the ball (wave it on a thin stick, or throw it), " : ""),
-        solver::Fault::wrong_poses);
-  }
   const WaveSolution* const of_rig = best.found().get();
   best.consider([&] { return from_nothing(rig, frames, options); });
   const bool is_of_rig = of_rig != nullptr && best.found().get() == of_rig;
   return {best.take(), !is_of_rig};
+}
+
+// Likelihood ratio of other poses and lenses to these. Clutter, and a ball that a hand hides, agree with none.
+bool other_poses_fit_better(const calib::CameraRig& rig, const std::vector<BallFrame>& frames,
+                            const WaveOptions& options, const WaveSolution& held) {
+  WaveOptions with_free = options;
+  with_free.hold_poses = false;
+  try {
+    const Found other = with_free_poses(rig, frames, with_free);
+    constexpr double sure_sigmas = 4;  // of a chi-square distribution, about normal
+    const auto n = static_cast<double>(rig.cameras.size());
+    const double freedom = 6 * (n - 1) + lens_freedom * n;
+    const double most = (freedom + sure_sigmas * std::sqrt(2 * freedom)) / 2;
+    return held.misfit() - other.solution->misfit() > OutlineCorrelation{}.frames_as_one(held.step_s()) * most;
+  } catch (const solver::CalibrationError&) {
+    return true;
+  }
+}
+
+// throws CalibrationError
+Found find_solution(const calib::CameraRig& rig, const std::vector<BallFrame>& frames, const WaveOptions& options) {
+  const WaveSolution unsolved(rig, frames, options);
+  require_connected(rig, pairs_of(rig, unsolved.tracks()));
+  if (!options.hold_poses) return with_free_poses(rig, frames, options);
+  BestSolution best = solved(unsolved, start_of(rig), false, options);
+  const bool fits = best.fits();
+  Found found{best.take(), false};
+  if (fits || !other_poses_fit_better(rig, frames, options, *found.solution)) return found;
+  throw solver::CalibrationError(
+      fmt::format("only {:.0f} % of the frames with the target's colour agree with the poses that the rig has: {}they "
+                  "are not right, or the cameras' names are swapped",
+                  1e2 * found.solution->used_share(),
+                  found.solution->is_held() ? "a hand hides too much of the ball (wave it on a thin stick, or throw "
+                                              "it), "
+                                            : ""),
+      solver::Fault::wrong_poses);
 }
 
 // Sets how the lens that was found differs from the given one.
@@ -545,6 +573,14 @@ std::vector<solver::Reason> contradicting_sizes(const calib::CameraRig& rig, con
   return found;
 }
 
+// throws CalibrationError: what was found is not of the ball's size, and the given sizes are why
+void require_size(const calib::CameraRig& rig, const std::vector<BallFrame>& frames, const WaveOptions& options,
+                  double looks) {
+  if (options.guessed_radius || !is_far_from_one(looks) || contradicting_sizes(rig, frames, options, looks).empty())
+    return;
+  throw solver::CalibrationError(fmt::format("what was found looks {:.3g} times as large as the ball", looks));
+}
+
 // Scales the solution to metres. Returns the throws. Without a covariance of the fit poses and lenses count as exact.
 std::optional<Throws> set_scale(WaveSolution& wave, const calib::CameraRig& rig, const WaveOptions& options) {
   std::optional<Throws> throws = find_throws(wave, options);
@@ -593,6 +629,7 @@ WaveResult calibrated(const calib::CameraRig& rig, std::vector<BallFrame>& frame
   // The expected size and the smoothness depend on the scale: refined again.
   if (!options.hold_poses) set_scale(wave, rig, options);
   looks = wave.size_ratio();
+  require_size(rig, frames, options, *looks);
   // Outlines of another size than expected count less. The solution refers to these options.
   if (options.guessed_radius) options.radius_m *= *looks;
   result.radius_m = options.radius_m;

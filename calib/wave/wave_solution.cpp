@@ -27,15 +27,17 @@ constexpr double robust_sigmas = 3, rough_robust_sigmas = 6;
 // Association gates, in standard deviations: for the first poses, for better ones, finally.
 constexpr double first_sigmas = 20, rough_sigmas = 8, final_sigmas = 4;
 
-// Limits of a region's width over a whole ball's: beyond, it is mostly hidden, or merged with something else.
-constexpr double narrowest = 0.75, widest = 1.6;
-// Within these limits the error of the centre grows with the misfit of the width, beyond the usual one.
-constexpr double usual_misfit = 0.04, centre_per_misfit = 4;
 // Beyond it something hides a part, or adds to it. Experiment (EXPERIMENTS.md, "Waved by hand"): 2 to 4 % of the
 // outlines of a free ball, 37 to 97 % of one in a hand.
 constexpr double partly_misfit = 0.1;
 constexpr double variance_of_radius2 = 4e-4;  // see WaveOptions::pixel_noise_px
-constexpr double most_cost = 20;              // of one frame in misfit(), squared standard deviations
+
+// Log of the density of clutter: anywhere in the image, of any width on a logarithmic scale.
+double log_clutter(const calib::ImageSize& image, std::size_t regions, const Vector2d& width_px) {
+  const double widths = std::log(image.height);  // maths: from a pixel to the image's height
+  return std::log(static_cast<double>(regions) / (image.width * image.height)) - 2 * std::log(widths) -
+         width_px.array().max(1).log().sum();
+}
 
 // Widths of a region along its principal axes, minor first, as radii of a disc.
 struct Shape {
@@ -205,10 +207,10 @@ void WaveSolution::keep_half(int half) {
 }
 
 double WaveSolution::misfit() const {
-  double sum = 2 * lens_cost(adjustment_options(), state_.lenses);
+  double sum = lens_cost(adjustment_options(), state_.lenses);
   for (std::size_t f = 0; f < frames_->size(); ++f) {
-    if ((*frames_)[f].regions.empty()) continue;
-    sum += chosen_[f] < 0 ? most_cost : std::min(most_cost, cost_of(f, region(f)).value_or(most_cost));
+    if (const auto match = chosen_[f] < 0 ? std::nullopt : match_of(f, region(f)))
+      sum -= std::max(0.0, match->log_odds);
   }
   return sum;
 }
@@ -242,7 +244,7 @@ double WaveSolution::partly_seen(std::size_t camera) const {
     const auto at = appearance((*frames_)[f], region(f));
     if (!at) continue;
     ++used;
-    if ((width_ratio((*frames_)[f], region(f), *at).array() - 1).abs().maxCoeff() > partly_misfit) ++partly;
+    if (width_misfit((*frames_)[f], region(f), *at).cwiseAbs().maxCoeff() > partly_misfit) ++partly;
   }
   return used == 0 ? 0 : static_cast<double>(partly) / used;
 }
@@ -267,13 +269,15 @@ BallTracks WaveSolution::tracks() const {
 
 std::vector<TimingDiagnostics> WaveSolution::timing() const {
   std::vector<std::vector<TimingSample>> samples(rig_.cameras.size());
+  const bool held = is_held();
   for (std::size_t number = 0; number < frames_->size(); ++number) {
     const BallFrame& f = (*frames_)[number];
     const std::size_t c = index(f.camera);
     const auto predicted = [&](double t_s) {
       return outline_centre(rig_.cameras[c].model, state_.cam_from_world[c] * state_.path.at(t_s), options_.radius_m);
     };
-    // Unused regions count if the ball was there within a few frames: a lag may be why they were not used.
+    // Unused regions count if the ball was there within a few frames: a lag may be why they were not used. Where a hand
+    // holds the ball, they are the hand, and few outlines are whole.
     std::optional<TimingSample> best;
     for (const color::ColorRegion& region : f.regions) {
       constexpr double soon_s = 1e-3, most_frames = 5, near_px = 10;
@@ -281,9 +285,10 @@ std::vector<TimingDiagnostics> WaveSolution::timing() const {
       const auto at = predicted(t_s), soon = predicted(t_s + soon_s);
       if (!at || !soon) continue;
       const auto look = appearance(f, region);
-      const auto covariance = look ? covariance_of(number, region, *look) : std::nullopt;
       constexpr double most_sigma_px = 1;  // beyond, it is partly hidden or merged
-      if (!covariance || covariance->trace() > 2 * most_sigma_px * most_sigma_px) continue;
+      if (!look) continue;
+      const bool is_used = chosen_[number] >= 0 && &region == &f.regions[index(chosen_[number])];
+      if (held ? !is_used : covariance_of(f, region, *look).trace() > 2 * most_sigma_px * most_sigma_px) continue;
       const TimingSample sample{t_s, region.centre - *at, (*soon - *at) / soon_s};
       if (sample.residual.norm() > near_px + most_frames * longest_s_ * sample.velocity.norm()) continue;
       if (!best || sample.residual.norm() < best->residual.norm()) best = sample;
@@ -300,8 +305,9 @@ std::vector<BallObservation> WaveSolution::observations() const {
   for (std::size_t f = 0; f < frames_->size(); ++f) {
     if (chosen_[f] < 0) continue;
     const auto at = appearance((*frames_)[f], region(f));
-    const auto covariance = at ? covariance_of(f, region(f), *at) : std::nullopt;
-    if (covariance) out.push_back({(*frames_)[f].camera, (*frames_)[f].t_s, region(f).centre, *covariance});
+    if (!at) continue;
+    const BallFrame& frame = (*frames_)[f];
+    out.push_back({frame.camera, frame.t_s, region(f).centre, covariance_of(frame, region(f), *at)});
   }
   return out;
 }
@@ -410,77 +416,92 @@ void WaveSolution::learn_jerk() {
 }
 
 // Blur and shared chroma widen a ball's outline by a constant square, per camera and axis: a quantile above the median,
-// as partly hidden balls are narrow.
+// as partly hidden balls are narrow. What hides a part of it, or adds to it, moves single edges.
 void WaveSolution::learn_shapes() {
-  std::vector<std::array<std::vector<double>, 2>> excess(rig_.cameras.size());
+  struct Seen {
+    std::size_t frame;
+    object_tracking::BallProjection at;
+  };
+  std::vector<std::vector<Seen>> seen(rig_.cameras.size());
   for (std::size_t f = 0; f < frames_->size(); ++f) {
     if (chosen_[f] < 0) continue;
-    const auto at = appearance((*frames_)[f], region(f));
-    if (!at) continue;
-    const Vector2d width = shape_of(region(f)).width_px;
-    for (const std::size_t i : {0u, 1u}) {
-      const double w = width[static_cast<int>(i)];
-      excess[index((*frames_)[f].camera)][i].push_back(w * w - at->radius_px * at->radius_px);
-    }
+    if (const auto at = appearance((*frames_)[f], region(f))) seen[index((*frames_)[f].camera)].push_back({f, *at});
   }
   blur2_.assign(rig_.cameras.size(), Vector2d::Zero());
-  for (std::size_t c = 0; c < excess.size(); ++c) {
-    for (const std::size_t i : {0u, 1u}) {
-      auto& values = excess[c][i];
-      if (values.empty()) continue;
+  edge2_.assign(rig_.cameras.size(), 0);
+  for (std::size_t c = 0; c < seen.size(); ++c) {
+    if (seen[c].empty()) continue;
+    for (const int axis : {0, 1}) {
+      std::vector<double> excess;
+      for (const auto& [f, at] : seen[c]) {
+        const double width = shape_of(region(f)).width_px[axis];
+        excess.push_back(width * width - at.radius_px * at.radius_px);
+      }
       constexpr double share = 0.6;  // quantile
-      const auto at = values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size()));
-      std::ranges::nth_element(values, at);
-      blur2_[c][static_cast<int>(i)] = *at;
+      const auto at = excess.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(excess.size()));
+      std::ranges::nth_element(excess, at);
+      blur2_[c][axis] = *at;
+    }
+    for (const auto& [f, at] : seen[c]) {
+      const Vector2d misfit = width_misfit((*frames_)[f], region(f), at).cwiseAbs().cwiseMin(1);  // clutter is wider
+      edge2_[c] += misfit.squaredNorm() / (2 * static_cast<double>(seen[c].size()));
     }
   }
 }
 
-// Widths over those of a whole ball.
-Vector2d WaveSolution::width_ratio(const BallFrame& frame, const color::ColorRegion& region,
-                                   const object_tracking::BallProjection& at) const {
+// Widths over those of a whole ball, less one.
+Vector2d WaveSolution::width_misfit(const BallFrame& frame, const color::ColorRegion& region,
+                                    const object_tracking::BallProjection& at) const {
   const double r2 = at.radius_px * at.radius_px;
   const Vector2d whole2 = (Vector2d::Constant(r2) + blur2_[index(frame.camera)]).cwiseMax(r2 / 2);
-  return shape_of(region).width_px.cwiseQuotient(whole2.cwiseSqrt());
+  return shape_of(region).width_px.cwiseQuotient(whole2.cwiseSqrt()) - Vector2d::Ones();
 }
 
-// The further a region's width is from a whole ball's (partly hidden, or merged), the larger its covariance. nullopt:
-// too far to be used.
-std::optional<Eigen::Matrix2d> WaveSolution::covariance_of(std::size_t f, const color::ColorRegion& region,
-                                                           const object_tracking::BallProjection& at) const {
-  if (rough_) return Eigen::Matrix2d(Eigen::Matrix2d::Identity());
-  const Shape shape = shape_of(region);
-  const Vector2d ratios = width_ratio((*frames_)[f], region, at);
-  const double r2 = at.radius_px * at.radius_px;
-  Vector2d variance;
-  for (const int i : {0, 1}) {
-    const double ratio = ratios[i];
-    if (ratio < narrowest || ratio > widest) return std::nullopt;
-    const double misfit_px = centre_per_misfit * std::max(0.0, std::abs(ratio - 1) - usual_misfit) * at.radius_px;
-    variance[i] = options_.pixel_noise_px * options_.pixel_noise_px + variance_of_radius2 * r2 + misfit_px * misfit_px;
-  }
-  return Eigen::Matrix2d(shape.axes * variance.asDiagonal() * shape.axes.transpose());
+// The ends of an axis are moved independently of one another: then its centre is as uncertain as its width. The
+// variance of a single outline is estimated from that of its camera's and its own misfit, which count alike.
+Eigen::Matrix2d WaveSolution::covariance_of(const BallFrame& frame, const color::ColorRegion& region,
+                                            const object_tracking::BallProjection& at) const {
+  if (rough_) return Eigen::Matrix2d::Identity();
+  const Vector2d misfit = width_misfit(frame, region, at);
+  const double r2 = at.radius_px * at.radius_px,
+               least = options_.pixel_noise_px * options_.pixel_noise_px + variance_of_radius2 * r2;
+  const Vector2d variance = least + r2 * (edge2_[index(frame.camera)] + misfit.array().square()) / 2;
+  const Eigen::Matrix2d axes = shape_of(region).axes;
+  return axes * variance.asDiagonal() * axes.transpose();
 }
 
-// Squared Mahalanobis distance of a region from the path; nullopt: not comparable.
-std::optional<double> WaveSolution::cost_of(std::size_t f, const color::ColorRegion& region) const {
-  const auto at = appearance((*frames_)[f], region);
+// nullopt: not comparable.
+std::optional<WaveSolution::Match> WaveSolution::match_of(std::size_t f, const color::ColorRegion& region) const {
+  const BallFrame& frame = (*frames_)[f];
+  const auto at = appearance(frame, region);
   if (!at) return std::nullopt;
   const Vector2d d = region.centre - at->px;
-  const auto covariance = covariance_of(f, region, *at);
-  if (!covariance) return std::nullopt;
-  return d.dot(covariance->inverse() * d);
+  const Eigen::Matrix2d covariance = covariance_of(frame, region, *at);
+  Match match{.distance2 = d.dot(covariance.inverse() * d), .log_odds = 0};
+  match.log_odds = -match.distance2 / 2;
+  if (rough_) return match;
+  // Of the centre, and of the widths: Cauchy's distribution.
+  const Vector2d misfit = width_misfit(frame, region, *at);
+  const double r2 = at->radius_px * at->radius_px, scale2 = options_.pixel_noise_px * options_.pixel_noise_px +
+                                                            r2 * (variance_of_radius2 + edge2_[index(frame.camera)]);
+  match.log_odds -= std::log(2 * std::numbers::pi) + std::log(covariance.determinant()) / 2;
+  for (const int axis : {0, 1})
+    match.log_odds -=
+        std::log(std::numbers::pi * (1 + r2 * misfit[axis] * misfit[axis] / scale2)) + std::log(scale2) / 2;
+  match.log_odds -=
+      log_clutter(rig_.cameras[index(frame.camera)].image_size, frame.regions.size(), shape_of(region).width_px);
+  return match;
 }
 
-// Nearest neighbour: per frame the region with the least cost, within the gate.
+// Per frame the likeliest region within the gate, unless clutter is likelier.
 void WaveSolution::associate(double sigmas) {
   for (std::size_t f = 0; f < frames_->size(); ++f) {
     chosen_[f] = -1;
-    double best = sigmas * sigmas;
+    double best = rough_ ? -std::numeric_limits<double>::infinity() : 0;
     for (std::size_t r = 0; r < (*frames_)[f].regions.size(); ++r) {
-      const auto cost = cost_of(f, (*frames_)[f].regions[r]);
-      if (!cost || *cost >= best) continue;
-      best = *cost;
+      const auto match = match_of(f, (*frames_)[f].regions[r]);
+      if (!match || match->distance2 >= sigmas * sigmas || match->log_odds <= best) continue;
+      best = match->log_odds;
       chosen_[f] = static_cast<int>(r);
     }
   }

@@ -43,7 +43,7 @@ class WaveSolution {
   // Keeps every other piece of the recording (1/20 of it, at least a second). half: 0 or 1.
   void keep_half(int half);
 
-  double misfit() const;      // cost to compare solutions by, with that of changed lenses; lower is better
+  double misfit() const;      // less log odds over clutter, with the cost of changed lenses: lower is better
   bool is_possible() const;   // all readouts are
   double used_share() const;  // of the frames with a region
   double exposed_s(const BallFrame& frame, const color::ColorRegion& region) const {
@@ -86,11 +86,14 @@ class WaveSolution {
   void set_prior_weights(WaveAdjustmentOptions& o) const;
   void learn_jerk();
   void learn_shapes();
-  Eigen::Vector2d width_ratio(const BallFrame& frame, const color::ColorRegion& region,
-                              const object_tracking::BallProjection& at) const;
-  std::optional<Eigen::Matrix2d> covariance_of(std::size_t f, const color::ColorRegion& region,
-                                               const object_tracking::BallProjection& at) const;
-  std::optional<double> cost_of(std::size_t f, const color::ColorRegion& region) const;
+  Eigen::Vector2d width_misfit(const BallFrame& frame, const color::ColorRegion& region,
+                               const object_tracking::BallProjection& at) const;
+  Eigen::Matrix2d covariance_of(const BallFrame& frame, const color::ColorRegion& region,
+                                const object_tracking::BallProjection& at) const;
+  struct Match {
+    double distance2, log_odds;  // Mahalanobis, squared; log likelihood over that of clutter
+  };
+  std::optional<Match> match_of(std::size_t f, const color::ColorRegion& region) const;
   void associate(double sigmas);
 
   void adjust(const WaveAdjustmentOptions& options);  // with the observations as they are associated
@@ -107,7 +110,8 @@ class WaveSolution {
   bool rough_ = true;                   // all outlines have the same covariance
   bool lenses_first_ = false;           // see solve()
   double jerk_m_s3_ = 60;               // see learn_jerk()
-  std::vector<Eigen::Vector2d> blur2_;  // per camera: see learn_shapes()
+  std::vector<Eigen::Vector2d> blur2_;  // per camera: see learn_shapes(); px^2
+  std::vector<double> edge2_;           // per camera: mean squared misfit of widths, over the radius
   WaveState state_;
   WaveFit fit_;
 };

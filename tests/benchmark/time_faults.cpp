@@ -13,13 +13,11 @@
 #include <vector>
 
 #include "benchmark/rig_figures.h"
-#include "calib/model/rig_yaml.h"
+#include "benchmark/wave_recording.h"
 #include "calib/report/advice.h"
 #include "calib/report/wave_report.h"
 #include "calib/wave/wave.h"
 #include "capture/timing/camera_clock.h"
-#include "config/service_config.h"
-#include "recordings/replay_source.h"
 
 using namespace huetrack;
 
@@ -41,32 +39,14 @@ struct Recording {
 };
 
 Recording recorded(const std::filesystem::path& folder) {
-  const config::ServiceConfig config = config::load_service_config(folder / "huetrackd.yaml");
-  Recording r{config.rig,
-              calib::read_rig(folder / "rig_off.yaml"),
-              config.targets.front(),
-              {config.object_tracking.volume.min, config.object_tracking.volume.max},
-              {}};
-  const std::vector<std::string> names = r.truth.camera_names();
-  recordings::ReplaySource source(recordings::read_recording(folder), names);
-  wave::BallFinder finder(r.start, r.target);
-  wave::BackgroundSamples background(names.size());
-  std::vector<wave::BallFrame> frames;
-  std::vector<double> stamps;
-  while (const auto frame = source.next({})) {
-    background.add(*frame);
-    auto found = finder.detect(*frame);
-    if (!found) continue;
-    frames.push_back(std::move(*found));
-    stamps.push_back(capture::seconds(frame->stamped_at));
-  }
-  wave::refine_outlines(frames, background, r.start);
-  r.scene.resize(names.size());
-  for (std::size_t i = 0; i < frames.size(); ++i) {
-    Seen& of = r.scene[static_cast<std::size_t>(frames[i].camera)];
-    of.stamp_s.push_back(stamps[i]);
+  figures::WaveRecording found = figures::wave_recording(folder);
+  Recording r{found.truth, found.start, found.target, found.volume, {}};
+  r.scene.resize(r.truth.cameras.size());
+  for (std::size_t i = 0; i < found.frames.size(); ++i) {
+    Seen& of = r.scene[static_cast<std::size_t>(found.frames[i].camera)];
+    of.stamp_s.push_back(found.stamp_s[i]);
     of.row_s.push_back(0);
-    of.frames.push_back(std::move(frames[i]));
+    of.frames.push_back(std::move(found.frames[i]));
   }
   return r;
 }

@@ -17,14 +17,12 @@
 #include <vector>
 
 #include "benchmark/rig_figures.h"
-#include "calib/model/rig_yaml.h"
+#include "benchmark/wave_recording.h"
 #include "calib/report/advice.h"
 #include "calib/report/wave_report.h"
 #include "calib/wave/wave.h"
 #include "calib/wave/wave_adjustment.h"
-#include "config/service_config.h"
 #include "object_tracking/sighting.h"
-#include "recordings/replay_source.h"
 
 using namespace huetrack;
 
@@ -35,11 +33,7 @@ struct TrueFrame {
   Eigen::Vector3d place = Eigen::Vector3d::Zero();
 };
 
-struct Recording {
-  calib::CameraRig truth, start;
-  object_tracking::TargetOptions target;
-  solver::WorldBox volume;
-  std::vector<wave::BallFrame> frames;
+struct Recording : figures::WaveRecording {
   std::vector<TrueFrame> of_frames;  // per frame
   std::vector<Eigen::Vector3d> path;
 };
@@ -67,31 +61,14 @@ std::map<std::string, std::vector<TrueFrame>> true_frames(const std::filesystem:
 }
 
 Recording recorded(const std::filesystem::path& folder) {
-  const config::ServiceConfig config = config::load_service_config(folder / "huetrackd.yaml");
-  Recording r{config.rig,
-              calib::read_rig(folder / "rig_off.yaml"),
-              config.targets.front(),
-              {config.object_tracking.volume.min, config.object_tracking.volume.max},
-              {},
-              {},
-              {}};
+  Recording r{figures::wave_recording(folder), {}, {}};
   const std::vector<std::string> names = r.truth.camera_names();
   const auto truth = true_frames(folder / "frames.csv");
-  recordings::ReplaySource source(recordings::read_recording(folder), names);
-  wave::BallFinder finder(r.start, r.target);
-  wave::BackgroundSamples background(names.size());
-  std::vector<std::size_t> next(names.size(), 0);
-  while (const auto frame = source.next({})) {
-    background.add(*frame);
-    const auto c = static_cast<std::size_t>(frame->camera);
-    const TrueFrame& is = truth.at(names[c]).at(next[c]++);
-    auto found = finder.detect(*frame);
-    if (!found) continue;
-    r.frames.push_back(std::move(*found));
+  for (std::size_t f = 0; f < r.frames.size(); ++f) {
+    const TrueFrame& is = truth.at(names[static_cast<std::size_t>(r.frames[f].camera)]).at(r.number[f]);
     r.of_frames.push_back(is);
     if (is.visible > 0.3) r.path.push_back(is.place);
   }
-  wave::refine_outlines(r.frames, background, r.start);
   return r;
 }
 

@@ -650,6 +650,47 @@ TEST(Wave, AHandThatHidesAPartIsNamed) {
   }
 }
 
+// A hand moves each end of both axes of the outline by itself, by a third of the radius (rms), in half of the frames.
+std::vector<BallFrame> held(std::vector<BallFrame> frames) {
+  std::mt19937_64 rng(5);
+  std::normal_distribution<double> moved(0, 0.33);
+  for (BallFrame& frame : frames) {
+    if (frame.regions.empty() || rng() % 2 == 0) continue;
+    color::ColorRegion& ball = frame.regions.back();
+    for (const int axis : {0, 1}) {
+      const double r = 2 * std::sqrt(ball.spread(axis, axis)), from = moved(rng), to = moved(rng);
+      ball.centre[axis] += r * (to + from) / 2;
+      ball.spread(axis, axis) *= std::pow(std::max(0.2, 1 + (to - from) / 2), 2);
+    }
+  }
+  return frames;
+}
+
+// While the ball is hidden, each frame has something else of the colour: most agree with no poses.
+TEST(Wave, HeldBallThatIsOftenHidden) {
+  const calib::CameraRig truth = rig_of(3);
+  const auto hidden = [](int, double t) { return std::fmod(t, 2) < 0.8; };
+  const std::vector<BallFrame> frames =
+      held(waved(truth, {.seconds = 16, .times = webcam_times, .hidden = hidden, .wrong = 1}));
+  WaveOptions options;
+  options.hold_poses = true;
+  const WaveResult timed = calibrate_wave(truth, frames, options);
+  for (std::size_t c = 1; c < 3; ++c) {
+    const calib::CameraTiming& timing = timed.rig.cameras[c].timing;
+    const double off_s = timing.latency_s.value_or(1) - (webcam_times[c].latency_s - webcam_times[0].latency_s);
+    EXPECT_LT(std::abs(off_s), 3 * timing.latency_sigma_s.value_or(0)) << "camera " << c;
+    EXPECT_LT(timing.latency_sigma_s.value_or(1), 0.005) << "camera " << c;
+  }
+  EXPECT_THAT(failure(spoilt(truth, 0.05, 2), frames, options),
+              finds(Fault::wrong_poses, HasSubstr("agree with the poses that the rig has")));
+  // A start at the exact rig is left by no more than is stated.
+  const WaveResult r = calibrate_wave(truth, frames, taped(truth));
+  Vector3d sigma_m = Vector3d::Zero();
+  for (const WaveCamera& camera : r.cameras) sigma_m = sigma_m.cwiseMax(camera.centre_sigma_m);
+  EXPECT_LT(off(r.rig, truth).metres, 2 * sigma_m.norm());
+  EXPECT_LT(sigma_m.norm(), 0.05);
+}
+
 TEST(Wave, RejectsInvalidOptions) {
   const calib::CameraRig rig = rig_of(2);
   EXPECT_TRUE(WaveOptions{}.problems(rig).empty());
