@@ -257,7 +257,7 @@ void CameraWatch::watch(const Luma& luma, Timestamp at, std::span<const Occluder
     if (measure(watched, luma, at, aim(), objects)) note_innovation(watched, at);
   }
   measure_replaced(luma, at, objects);
-  const bool is_waiting = history_.empty() || pending_.has_value() || lost_since_.has_value();
+  const bool is_waiting = history_.empty() || pending_ || lost_since_ || blurred_since_;
   if (at >= next_survey_ && (is_waiting || is_suspicious())) {
     survey(luma, at, objects);
   } else if (at >= next_fit_) {
