@@ -16,16 +16,12 @@ using object_tracking::CameraTrust;
 using room_watch::RoomState;
 
 struct CalibrationWatchTuning {
-  double room_depth_ratio = 1.5;   // depth of the background over that of the volume's centre, which is before it
-  double knocked_lever_m = 0.3;    // m, pivot to optical centre on a tripod: shift per radian of a sudden rotation
-  double knocked_shift_m = 0.004;  // m, 1 sigma of the shift that a sudden rotation of zero may have
-  double sagged_lever_m = 0.1;     // m, the same of a mount that gives way slowly
-  double sagged_shift_m = 0.002;   // m, the same of a mount that gives way slowly
+  double room_depth_ratio = 1.5;  // depth of the background over that of the volume's centre, which is before it
+  double lever_m = 0.3;           // m, pivot to optical centre on a tripod: shift per radian of a rotation
+  double shift_m = 0.004;         // m, 1 sigma of the shift that a rotation of zero may have
   double resend_share = 0.3;  // a change below this share of the sigma is not sent: trackers restart learning on each
-  double resend_rotation_rad = 1e-4;  // rad, and neither is a rotation below this
-  double resend_shift_m = 3e-4;       // m, nor a shift below this
-  double tolerated_effect_m = 0.01;   // m, rms of positions: error of an ordinary calibration
-  double update_pause_s = 0.5;        // s, between two updates of one camera's trust, and of its effect
+  double tolerated_effect_m = 0.01;  // m, rms of positions: error of an ordinary calibration
+  double update_pause_s = 0.5;       // s, between two updates of one camera's trust, and of its effect
 };
 constexpr CalibrationWatchTuning calibration_tuning{};
 
@@ -40,10 +36,8 @@ bool differs(const CameraTrust& wanted, const CameraTrust& given) {
   const calib::Tangent6d change = calib::log(*wanted.cam_from_world * calib::inverse(*given.cam_from_world));
   const double rotation_sigma = std::sqrt(given.pose_covariance.topLeftCorner<3, 3>().trace());
   const double shift_sigma = std::sqrt(given.pose_covariance.bottomRightCorner<3, 3>().trace());
-  return change.head<3>().norm() >
-             std::max(calibration_tuning.resend_rotation_rad, calibration_tuning.resend_share * rotation_sigma) ||
-         change.tail<3>().norm() >
-             std::max(calibration_tuning.resend_shift_m, calibration_tuning.resend_share * shift_sigma);
+  return change.head<3>().norm() > calibration_tuning.resend_share * rotation_sigma ||
+         change.tail<3>().norm() > calibration_tuning.resend_share * shift_sigma;
 }
 
 bool has_moved(RoomState state) {
@@ -116,9 +110,7 @@ void CalibrationWatch::follow(std::size_t camera) {
       const Eigen::Vector3d centre = (volume_.min + volume_.max) / 2;
       const double distance_m = calibration_tuning.room_depth_ratio * (rig_.cameras[camera].centre() - centre).norm();
       const double turned_rad = room_watch::rotation_between(room.turn->before, room.turn->after).norm();
-      const double shift_m = room.turn->is_slow
-                                 ? calibration_tuning.sagged_shift_m + calibration_tuning.sagged_lever_m * turned_rad
-                                 : calibration_tuning.knocked_shift_m + calibration_tuning.knocked_lever_m * turned_rad;
+      const double shift_m = calibration_tuning.shift_m + calibration_tuning.lever_m * turned_rad;
       w.pose.emplace(rig_.cameras[camera], distance_m, shift_m);
       w.rotation.setZero();
     }

@@ -16,80 +16,58 @@ using capture::Timestamp;
 using std::chrono::milliseconds;
 
 struct RoomLearningTuning {
-  int frames = 8;                // averaged per patch, against noise and flicker
-  int pause_ms = 80;             // between them: learning takes less than a second
-  float min_texture = 1.5f;      // of a patch; with noise of 3 grey levels it is then found to 0.2 blocks
-  double object_margin = 1.3;    // of an object's radius, inside which patches are occluded
-  int min_patches = 10;          // fewer do not outvote a person
-  int relearn_after_ms = 40000;  // a patch that was replaced for so long is learnt anew
+  int frames = 8;              // averaged per patch, against noise and flicker
+  int pause_ms = 80;           // between them: learning takes less than a second
+  float min_texture = 1.5f;    // of a patch; with noise of 3 grey levels it is then found to 0.2 blocks
+  double object_margin = 1.3;  // of an object's radius, inside which patches are occluded
+  int min_patches = 10;        // fewer do not outvote a person
+  int memory_ms = 30000;       // of rotations; a patch that was replaced for so long is learnt anew
 };
 constexpr RoomLearningTuning room_learning{};
 
 // Surveys: when all patches are measured, and which fit is accepted.
 struct RoomSurveyTuning {
-  int recent = 6;                   // measurements that are judged together
-  int many = 4;                     // of those that are lost or displaced: a survey is made
-  double displaced_blocks = 1.0;    // a patch farther from its prediction is displaced
-  double near_blocks = 0.4;         // a patch nearer to its prediction confirms it
-  double mean_shift_blocks = 0.15;  // of the recent ones: a survey is made; by noise once in weeks
-  double min_share = 0.5;           // of the observable patches that must agree with a rotation
-  double most_share = 0.8;          // of the patches: "most"; a fit with fewer inliers may be a zoom
-  double calm_rate_hz = 6;          // measurements per second and camera, about 1 us each
-  double alert_rate_hz = 40;        // the same while something may be happening
-  double round_slack = 1.2;         // a fit uses measurements of so many rounds over all patches
-  int min_pause_ms = 250;           // between surveys, after news
-  int max_pause_ms = 2000;          // between surveys, without; between hurries; until a kept room is given up
-  int calm_pause_ms = 1000;         // between fits; between measurements of replaced patches; until a view is lost
-  int alert_ms = 5000;              // how long an alert lasts; between measurements of all for a change
-  int hurry_ms = 200;               // at the alert rate after two displaced patches in a row
-  int settling_ms = 150;            // between two surveys that are to agree
-  double search_reach_rad = 0.06;   // of the search for displaced patches: 3.4 degrees, after which mending is possible
-  int max_search_blocks = 40;       // limit of that reach: cost
+  int recent = 6;                     // measurements that are judged together
+  int many = 4;                       // of those that are lost or displaced: a survey is made
+  double displaced_blocks = 1.0;      // a patch farther from its prediction is displaced
+  double min_share = 0.5;             // of the observable patches that must agree with a rotation
+  double most_share = 0.8;            // of the patches: "most"; a fit with fewer inliers may be a zoom
+  double calm_rate_hz = 6;            // measurements per second and camera, about 1 us each
+  double alert_rate_hz = 40;          // the same while something may be happening
+  int calm_pause_ms = 1000;           // between fits; between measurements of replaced patches; until a view is lost
+  int alert_ms = 5000;                // how long an alert lasts; small turns that follow so soon are one sagging
+  int settling_ms = 150;              // between surveys after news, and between two that are to agree
+  int search_blocks = 32;             // reach of the search for displaced patches: 4 to 5 degrees of a usual lens
   std::size_t searched_patches = 16;  // the ones with most texture
 };
 constexpr RoomSurveyTuning room_survey{};
 constexpr Duration settling = milliseconds(room_survey.settling_ms);
-constexpr Duration min_pause = milliseconds(room_survey.min_pause_ms),
-                   max_pause = milliseconds(room_survey.max_pause_ms);
 constexpr Duration calm_pause = milliseconds(room_survey.calm_pause_ms), alert = milliseconds(room_survey.alert_ms);
-constexpr Duration max_relocation_pause = 4 * max_pause;  // it costs as much as a hundred measurements
+// Between surveys without news; between hurries; until a kept room is given up.
+constexpr Duration max_pause = 2 * calm_pause;
 
 struct RoomTurnTuning {
   double min_turn_rad = 0.9e-3;  // reported: 0.05 degrees, 3 mm at 3 m
-  double back_share = 0.6;       // of that; a camera turned by less is back where it was
   double min_zoom = 0.006;       // a step of 15 mm towards a room at 2.5 m; a focus ring does more
   double sure_sigmas = 5;        // of a turn or a zoom
   double repeat_blocks = 0.12;   // by which two surveys of a still camera differ at most, in the picture
-  double open_zoom = 0.02;       // a zoom that could hide in 5 sigma is not fitted: patches on one side only
-  int max_moving_ms = 1500;      // a turn is reported after that, however it shakes
-  double shaking = 4;            // times the repeatability between two surveys: it is moving
-  int knock_ms = 800;            // a knock takes at most so long, with its shaking
-  double knock_share = 0.6;      // of a turn that happened within that: a knock
-  double begun_share = 0.2;      // of a turn: it had not begun yet
-  double small_turns = 4;        // in min_turn_rad; a smaller turn may be the beginning of sagging
-  int small_watch_ms = 900;      // for which a small turn is observed
-  double creep_share = 0.25;     // of a small turn by which it goes on in that time: sagging
-  int one_sag_ms = 6000;         // small turns that follow each other so soon are one sagging
-  int drift_ms = 3000;           // a rotation that differs from the one so long ago is an alert
-  int history_ms = 30000;        // of rotations
+  int knock_ms = 900;        // a knock takes at most so long, with its shaking; a small turn is observed for so long
+  double knock_share = 0.6;  // of a turn that happened within that: a knock
+  double small_turns = 4;    // in min_turn_rad; a smaller turn may be the beginning of sagging
 };
 constexpr RoomTurnTuning room_turn{};
 constexpr double small_turn_rad = room_turn.small_turns * room_turn.min_turn_rad;
+constexpr Duration knock = milliseconds(room_turn.knock_ms);
 
 // Focus. Found::loss is in units of what a blur of one block removes. In pictures of rooms a Gaussian of 0.7, 1.5, 3
 // blocks removes 0.7, 1.5, 2.5, and nearly as much from four patches of five; JPEG of quality 15 after 90 up to 0.7 in
 // the median, but nothing from one of five. For blocks of one pixel; larger ones average codec and noise, and losses
 // are significant by the root of their side earlier.
 struct RoomFocusTuning {
-  float min_loss = 0.6f;           // median over the patches; half of it keeps the state
-  float min_patch_loss = 0.4f;     // of a patch that counts as blurred
-  float sure_sigmas = 2;           // of a patch's loss
-  float max_loss_sigma = 1.f;      // of a patch that has a vote
-  float max_first_loss = 0.8f;     // the noise learnt with a patch is lost detail from its first measurement on
-  int settling_ms = 400;           // the blur must be constant for so long, or grow three times as long: no shaking
-  double same_blur = 0.2;          // of a blur, and
-  double same_blur_blocks = 0.15;  // so many blocks: differences up to that are none
-  double min_correlation = 0.9;    // of a blurred patch in its place; something else has it once in fifty
+  float min_loss = 0.6f;         // median over the patches; half of it keeps the state, and counts for a patch
+  float sure_sigmas = 2;         // of a patch's loss
+  float max_loss_sigma = 1.f;    // of a patch that has a vote
+  double min_correlation = 0.9;  // of a blurred patch in its place; something else has it once in fifty
 };
 constexpr RoomFocusTuning room_focus{};
 constexpr std::array strong_blurs{3.0, 4.0, 5.5, 7.5};  // maths: nodes of a search, blocks
@@ -99,10 +77,8 @@ struct RoomChangeTuning {
   int rest_ms = 3000;         // without motion; twice as long where it is plain, as only its edges show motion
   double rest_blocks = 0.25;  // motion up to that is none
   double noise_sigmas = 3;    // of two measurements, added to that
-  float plain_rms = 6;        // grey levels; noise and a lamp's flicker are below
-  float plain_step = 10;      // grey levels of the mean
+  float plain_rms = 8;        // grey levels; noise and a lamp's flicker are below
   int min_patches = 2;        // one alone may be a screen or a leaf
-  int hidden_ms = 10000;      // a reported change may be occluded for so long
 };
 constexpr RoomChangeTuning room_change{};
 
@@ -159,6 +135,11 @@ Eigen::Vector2d CameraWatch::pixel_of(const Eigen::Vector2d& block) const {
 
 double CameraWatch::repeat_rad() const {
   return room_turn.repeat_blocks * double(scale_) / camera_.model.fx();
+}
+
+// The loss that counts for a patch, and that keeps the state of the focus.
+float CameraWatch::min_patch_loss() const {
+  return loss_unit_ * room_focus.min_loss / 2;
 }
 
 Aim CameraWatch::aim() const {
@@ -276,7 +257,7 @@ void CameraWatch::watch(const Luma& luma, Timestamp at, std::span<const Occluder
     if (measure(watched, luma, at, aim(), objects)) note_innovation(watched, at);
   }
   measure_replaced(luma, at, objects);
-  const bool is_waiting = history_.empty() || pending_.has_value() || lost_since_.has_value();
+  const bool is_waiting = history_.empty() || pending_ || lost_since_ || blurred_since_;
   if (at >= next_survey_ && (is_waiting || is_suspicious())) {
     survey(luma, at, objects);
   } else if (at >= next_fit_) {
@@ -309,8 +290,8 @@ bool CameraWatch::measure(Watched& watched, const Luma& luma, Timestamp at, cons
   }
   watched.seen_at = at;
   watched.replacement.reset();
-  if (!watched.first_loss) watched.first_loss = is_kept_ ? 0 : std::clamp(found.loss, 0.f, room_focus.max_first_loss);
-  const float known = 1 - *watched.first_loss;
+  if (!watched.first_loss) watched.first_loss = is_kept_ ? 0 : std::clamp(found.loss, 0.f, 1.f);
+  const float known = 1 - *watched.first_loss;  // 0: infinite sigma, no vote
   watched.loss = (found.loss - *watched.first_loss) / known;
   watched.loss_sigma = found.loss_sigma / known;
   watched.px = pixel_of(found.centre);
@@ -353,13 +334,12 @@ bool CameraWatch::is_same(const Replacement& then, const Luma& luma, const Eigen
         std::hypot(room_change.rest_blocks, room_change.noise_sigmas * std::numbers::sqrt2 * double(again.sigma));
     return again.outcome == Found::Outcome::found && (again.centre - centre).norm() < gate;
   }
-  float mean = 0, square = 0;
+  float square = 0;
   for (std::size_t k = 0; k < now.size(); ++k) {
     const float step = now[k] - float(then.seen[k]);
-    mean += step / float(now.size()), square += step * step / float(now.size());
+    square += step * step / float(now.size());
   }
-  return std::abs(mean) < room_change.plain_step &&
-         square - mean * mean < room_change.plain_rms * room_change.plain_rms;
+  return square < room_change.plain_rms * room_change.plain_rms;
 }
 
 // Measures replaced patches again; where a replacement stays, all patches once.
@@ -401,12 +381,10 @@ void CameraWatch::judge_change(Timestamp at) {
     change.middle += w.expected_px.cwiseQuotient(Eigen::Vector2d(camera_.image_size.width, camera_.image_size.height));
     plain += w.replacement->contrast < patch_fit.min_contrast * w.patch.contrast() ? 1 : 0;
   }
-  if (change.patches > 0) change.middle /= change.patches, rested_at_ = at;
-  // A person in front of a reported change hides it for a while.
+  if (change.patches > 0) change.middle /= change.patches;
+  // A person may be in front of a reported change.
   const bool is_any = std::ranges::any_of(watched_, [](const Watched& w) { return w.replacement != nullptr; });
-  if (condition_.state == RoomState::changed && change.patches == 0 && is_any &&
-      at - rested_at_ < milliseconds(room_change.hidden_ms))
-    return;
+  if (condition_.state == RoomState::changed && change.patches == 0 && is_any) return;
   change.share = double(change.patches) / double(watched_.size());
   change.is_plain = 2 * plain > change.patches;
   condition_.change = change;
@@ -417,7 +395,7 @@ void CameraWatch::judge_change(Timestamp at) {
 void CameraWatch::hurry(Timestamp at) {
   if (++off_in_a_row_ < 2 || at < next_hurry_) return;
   next_hurry_ = at + max_pause;
-  hurry_until_ = at + milliseconds(room_survey.hurry_ms);
+  hurry_until_ = at + capture::duration_of(room_survey.recent / room_survey.alert_rate_hz);
 }
 
 void CameraWatch::note_innovation(const Watched& watched, Timestamp at) {
@@ -430,9 +408,10 @@ void CameraWatch::note_innovation(const Watched& watched, Timestamp at) {
   const bool is_sure = std::abs(watched.loss) > room_focus.sure_sigmas * watched.loss_sigma;
   innovation = {true, watched.px - watched.expected_px, is_sure ? watched.loss : 0.f};
   const double off_blocks = innovation.off_px.norm() / scale_;
-  if (off_blocks < room_survey.near_blocks) last_agreed_at_ = at;
-  const bool is_blurred = std::abs(innovation.loss) > loss_unit_ * room_focus.min_patch_loss && !is_defocused_;
-  if (off_blocks >= room_survey.displaced_blocks || is_blurred) {
+  const bool is_displaced = off_blocks >= room_survey.displaced_blocks;
+  if (!is_displaced) last_agreed_at_ = at;
+  const bool is_blurred = std::abs(innovation.loss) > min_patch_loss() && !is_defocused_;
+  if (is_displaced || is_blurred) {
     hurry(at);
   } else {
     off_in_a_row_ = 0;
@@ -441,13 +420,12 @@ void CameraWatch::note_innovation(const Watched& watched, Timestamp at) {
 
 bool CameraWatch::is_suspicious() const {
   if (innovation_count_ < innovations_.size()) return false;
-  const float min_loss = loss_unit_ * (is_defocused_ ? room_focus.min_loss / 2 : room_focus.min_patch_loss);
   int off = 0, found = 0, blurred = 0;
   Eigen::Vector2d sum = Eigen::Vector2d::Zero();
   for (const Innovation& of_patch : innovations_) {
     const bool is_near = of_patch.is_found && of_patch.off_px.norm() < room_survey.displaced_blocks * scale_;
     off += is_near ? 0 : 1;
-    blurred += std::abs(of_patch.loss) > min_loss ? 1 : 0;
+    blurred += std::abs(of_patch.loss) > min_patch_loss() ? 1 : 0;
     if (!is_near) continue;
     ++found;
     sum += of_patch.off_px;
@@ -455,7 +433,7 @@ bool CameraWatch::is_suspicious() const {
   if (off >= room_survey.many) return true;
   // All but one: noise does that once in ten days.
   if (is_defocused_ ? blurred < room_survey.many : blurred >= room_survey.recent - 1) return true;
-  return found >= room_survey.many && (sum / found).norm() > room_survey.mean_shift_blocks * scale_;
+  return found >= room_survey.many && (sum / found).norm() > room_turn.repeat_blocks * scale_;
 }
 
 std::optional<RotationFit> CameraWatch::fit_all(const Luma& luma, Timestamp at, const Aim& from,
@@ -510,8 +488,7 @@ void CameraWatch::survey(const Luma& luma, Timestamp at, std::span<const Occlude
   const bool is_disputed = fit && fit->inliers < room_survey.most_share * observable && has_turned();
   double blur_blocks = 0;
   if ((!fit || is_disputed) && at >= next_relocation_) {
-    relocation_pause_ =
-        lost_since_ ? std::clamp<Duration>(2 * relocation_pause_, min_pause, max_relocation_pause) : min_pause;
+    relocation_pause_ = lost_since_ ? std::clamp<Duration>(2 * relocation_pause_, settling, alert) : settling;
     next_relocation_ = at + relocation_pause_;
     if (!fit) blur_blocks = strong_blur(luma);
     const auto guess = blur_blocks > 0 ? std::nullopt : relocate(luma, objects);
@@ -524,7 +501,7 @@ void CameraWatch::survey(const Luma& luma, Timestamp at, std::span<const Occlude
     }
   }
   const bool is_news = !fit || has_turned();
-  survey_pause_ = is_news && fit ? min_pause : std::clamp<Duration>(2 * survey_pause_, min_pause, max_pause);
+  survey_pause_ = is_news && fit ? settling : std::clamp<Duration>(2 * survey_pause_, settling, max_pause);
   next_survey_ = at + survey_pause_;
   if (is_news) alert_until_ = at + alert;
   // The camera still stood as before when the last patch was found in its place.
@@ -561,14 +538,15 @@ float CameraWatch::common_loss(Timestamp since) const {
   if (int(losses.size()) < room_learning.min_patches) return 0;
   const auto middle = float(calib::median_in_place(std::span(losses)));
   const float sign = middle < 0 ? -1 : 1;
-  if (sign * middle < loss_unit_ * room_focus.min_loss) return 0;
+  // Hysteresis: a blur that has begun need not grow.
+  if (sign * middle < (blurred_since_ ? min_patch_loss() : loss_unit_ * room_focus.min_loss)) return 0;
   std::array<std::array<int, 2>, 4> quarters{};  // patches, those that lost
   for (const Watched& w : watched_) {
     if (!has_loss(w, since)) continue;
     auto& [patches, lost] = quarters[(2 * w.px.x() > camera_.image_size.width ? 1u : 0u) +
                                      (2 * w.px.y() > camera_.image_size.height ? 2u : 0u)];
     ++patches;
-    lost += sign * w.loss > loss_unit_ * room_focus.min_patch_loss ? 1 : 0;
+    lost += sign * w.loss > min_patch_loss() ? 1 : 0;
   }
   int all_lost = 0;
   for (const auto& [patches, lost] : quarters) {
@@ -595,17 +573,13 @@ void CameraWatch::judge_focus(Timestamp at, double blur_blocks) {
     std::vector<double> losses;
     for (const Watched& w : watched_)
       if (w.seen_at == at && w.loss_sigma < room_focus.max_loss_sigma) losses.push_back(std::abs(double(w.loss)));
-    if (is_defocused_ && !losses.empty() &&
-        calib::median_in_place(std::span(losses)) < double(loss_unit_ * (room_focus.min_loss / 2)))
+    if (is_defocused_ && !losses.empty() && calib::median_in_place(std::span(losses)) < double(min_patch_loss()))
       set_focus(false);
     return;
   }
   const double blur = loss < 0 ? double(loss) : blur_blocks > 0 ? blur_blocks : common_blur(at);
-  if (!blurred_since_ && !is_defocused_) blurred_since_ = blur_agreed_since_ = at, pending_blur_ = blur;
-  if (std::abs(blur - pending_blur_) > room_focus.same_blur * std::abs(pending_blur_) + room_focus.same_blur_blocks)
-    blur_agreed_since_ = at, pending_blur_ = blur;
-  constexpr Duration focus_settling = milliseconds(room_focus.settling_ms);
-  if (is_defocused_ || at - blur_agreed_since_ >= focus_settling || at - *blurred_since_ >= 3 * focus_settling) {
+  if (!blurred_since_ && !is_defocused_) blurred_since_ = at;
+  if (is_defocused_ || at - *blurred_since_ >= knock) {  // longer than by shaking
     set_focus(true);
     condition_.blur_px = blur * scale_;
   }
@@ -623,15 +597,13 @@ std::optional<Aim> CameraWatch::relocate(const Luma& luma, std::span<const Occlu
   std::vector<const Watched*> order;
   for (const Watched& w : watched_) order.push_back(&w);
   std::ranges::stable_sort(order, std::ranges::greater{}, [](const Watched* w) { return w->patch.least_texture; });
-  const int reach = std::min(room_survey.max_search_blocks,
-                             int(std::ceil(room_survey.search_reach_rad * camera_.model.fx() / scale_)));
   std::vector<SeenRay> seen;
   std::size_t searched = 0;
   for (const Watched* w : order) {
     const auto expected = room_watch::pixel_of(camera_.model, aim(), w->ray);
     if (!expected || is_before(*expected, double(patch_side * scale_), objects)) continue;
     if (searched++ == room_survey.searched_patches) break;
-    if (const auto place = search(w->patch, luma, block_of(*expected), reach))
+    if (const auto place = search(w->patch, luma, block_of(*expected), room_survey.search_blocks))
       seen.push_back({w->ray, pixel_of(*place), 0.5 * scale_});
   }
   return guess_aim(camera_.model, seen, 2 * room_survey.displaced_blocks * scale_);
@@ -640,7 +612,7 @@ std::optional<Aim> CameraWatch::relocate(const Luma& luma, std::span<const Occlu
 // Fits the measurements of the last round over all patches.
 void CameraWatch::fit_recent(Timestamp at) {
   const double rate = at < alert_until_ ? room_survey.alert_rate_hz : room_survey.calm_rate_hz;
-  const Duration recent = capture::duration_of(room_survey.round_slack * double(watched_.size()) / rate);
+  const Duration recent = capture::duration_of(double(watched_.size()) / rate);
   std::vector<SeenRay> seen;
   int observable = 0;
   for (const Watched& w : watched_) {
@@ -656,9 +628,9 @@ void CameraWatch::fit_recent(Timestamp at) {
 }
 
 void CameraWatch::accept(const RotationFit& full, Timestamp at, bool is_survey) {
-  // A zoom that could hide in the fit's uncertainty is taken as none.
-  const bool is_open = room_turn.sure_sigmas * full.zoom_sigma > room_turn.open_zoom;
-  const RotationFit fit = is_open ? without_zoom(full) : full;
+  // A zoom that may be the fit's error is taken as none.
+  const bool has_zoom = std::abs(full.zoom) > room_turn.sure_sigmas * full.zoom_sigma;
+  const RotationFit fit = has_zoom ? full : without_zoom(full);
   const double zoom = room_watch::zoom_instead(full, reported_).value_or(0);
   zoom_instead_ = std::abs(zoom) > room_turn.min_zoom ? zoom : 0;
   // A patch that was found but disagrees with the rotation is no part of the room any more.
@@ -669,8 +641,7 @@ void CameraWatch::accept(const RotationFit& full, Timestamp at, bool is_survey) 
     if (agrees) w.differs_since.reset();
     if (!agrees && !w.differs_since) w.differs_since = at;
   }
-  const auto before =
-      std::ranges::find_if(history_, [&](const Snapshot& s) { return at - s.at <= milliseconds(room_turn.drift_ms); });
+  const auto before = std::ranges::find_if(history_, [&](const Snapshot& s) { return at - s.at <= alert; });
   if (before != history_.end() && angle_between(before->rotation, fit.rotation) > repeat_rad())
     alert_until_ = std::max(alert_until_, at + alert);
   condition_.rotation = fit.rotation;
@@ -680,7 +651,7 @@ void CameraWatch::accept(const RotationFit& full, Timestamp at, bool is_survey) 
   condition_.zoom_sigma = fit.zoom_sigma;
   condition_.inliers = fit.inliers;
   history_.push_back({at, fit.rotation});
-  while (at - history_.front().at > milliseconds(room_turn.history_ms)) history_.pop_front();
+  while (at - history_.front().at > milliseconds(room_learning.memory_ms)) history_.pop_front();
   judge_turn(fit, at, is_survey);
 }
 
@@ -691,28 +662,23 @@ void CameraWatch::judge_turn(const RotationFit& fit, Timestamp at, bool is_surve
   if (is_zoomed && !zoomed_since_) zoomed_since_ = at;
   if (!is_zoomed) zoomed_since_.reset();
   const bool has_zoomed = zoomed_since_ && at - *zoomed_since_ >= settling;
-  const bool is_back = fit.rotation.norm() < room_turn.back_share * room_turn.min_turn_rad;
+  const bool is_back = fit.rotation.norm() < room_turn.min_turn_rad / 2;
   if (change <= std::max(room_turn.min_turn_rad, room_turn.sure_sigmas * sigma)) {
     judge_no_turn(has_zoomed, is_back, at);
     return;
   }
   // A turn is reported when two surveys agree on it. A sagging camera turns little between them.
   const double agreed = std::max(repeat_rad(), room_turn.sure_sigmas * sigma);
-  const double apart = pending_ ? angle_between(pending_->rotation, fit.rotation) : 0;
-  const bool is_settled = pending_ && apart < agreed;
-  const bool is_shaking = apart > room_turn.shaking * agreed;
+  const bool is_settled = pending_ && angle_between(pending_->rotation, fit.rotation) < agreed;
+  if (pending_ && !is_settled) set_state(RoomState::moving, at);
   if (!pending_) pending_since_ = at, settled_.reset();
   pending_ = Snapshot{at, fit.rotation};
-  if (!is_settled) {
-    if (is_shaking) set_state(RoomState::moving, at);
-    if (at - pending_since_ < milliseconds(room_turn.max_moving_ms)) return;
-  }
+  if (!is_settled && at - pending_since_ < 2 * knock) return;  // then it is reported, however it shakes
   if (!is_survey) return;
   if (!settled_) settled_ = pending_;
   const bool is_small = change < small_turn_rad;
-  if (is_small && at - settled_->at < milliseconds(room_turn.small_watch_ms)) return;
-  const bool goes_on =
-      is_small && angle_between(settled_->rotation, fit.rotation) > std::max(room_turn.creep_share * change, 2 * sigma);
+  if (is_small && at - settled_->at < knock) return;
+  const bool goes_on = is_small && angle_between(settled_->rotation, fit.rotation) > std::max(repeat_rad(), 2 * sigma);
   pending_.reset();
   if (has_zoomed) {
     reported_ = fit.rotation;
@@ -753,7 +719,7 @@ void CameraWatch::report(Turn turn, bool goes_on, bool is_small, Timestamp at) {
   const auto& last = condition_.turn;
   const bool was_small = last && angle_between(last->before, last->after) < small_turn_rad;
   const bool was_slow = last && last->is_slow;
-  const bool is_soon = last && at - last->until < milliseconds(room_turn.one_sag_ms);
+  const bool is_soon = last && at - last->until < alert;
   turn.is_slow = turn.is_slow || goes_on || (is_small && (was_slow || (was_small && is_soon)));
   if (turn.is_slow && (was_slow || (was_small && is_soon))) {
     condition_.turn->is_slow = true;
@@ -782,8 +748,8 @@ Turn CameraWatch::turn_since(Timestamp at, const Eigen::Vector3d& before, const 
       const double part = angle_between(history_[i].rotation, history_[j].rotation);
       // No camera sags as far as that between consecutive fits.
       const bool is_jump = j == i + 1 && part > small_turn_rad;
-      if (history_[j].at - history_[i].at > milliseconds(room_turn.knock_ms) && !is_jump) break;
-      if (part <= 1.02 * most) continue;  // maths: prefers the shortest of nearly equal intervals
+      if (history_[j].at - history_[i].at > knock && !is_jump) break;
+      if (part <= most + repeat_rad()) continue;  // of equal intervals the shortest
       most = part;
       turn.from = history_[i].at, turn.until = history_[j].at;
     }
@@ -792,7 +758,7 @@ Turn CameraWatch::turn_since(Timestamp at, const Eigen::Vector3d& before, const 
   if (!turn.is_slow) return turn;
   turn.until = at;
   for (const Snapshot& s : history_)
-    if (angle_between(before, s.rotation) < room_turn.begun_share * all) turn.from = s.at;
+    if (angle_between(before, s.rotation) < repeat_rad()) turn.from = s.at;
   return turn;
 }
 
@@ -834,7 +800,7 @@ void CameraWatch::learn_anew() {
 void CameraWatch::relearn_replaced(const Luma& luma, Timestamp at) {
   if (!learning_.empty() || at < alert_until_ || lost_since_ || is_defocused_) return;
   const auto is_old = [&](const Watched& w) {
-    return w.differs_since && at - *w.differs_since > milliseconds(room_learning.relearn_after_ms);
+    return w.differs_since && at - *w.differs_since > milliseconds(room_learning.memory_ms);
   };
   if (std::ranges::none_of(watched_, is_old)) return;
   const auto chosen = choose_patches(luma, image_margin);

@@ -175,6 +175,7 @@ class CameraWatch {
   Aim aim() const;
   bool has_zoomed_now() const;
   double repeat_rad() const;  // rotations nearer to each other than this are equal
+  float min_patch_loss() const;
 
   const calib::Camera camera_;
   const int scale_;
@@ -193,12 +194,9 @@ class CameraWatch {
   capture::Duration survey_pause_{0};
   std::optional<capture::Timestamp> lost_since_, zoomed_since_;
   std::optional<capture::Timestamp> blurred_since_;  // to be confirmed by the next surveys
-  capture::Timestamp blur_agreed_since_{};
-  double pending_blur_ = 0;  // blocks
   bool is_defocused_ = false;
   double zoom_instead_ = 0;  // of the last accepted fit; RoomCondition::zoom_instead
   std::optional<capture::Timestamp> looked_around_at_, next_replaced_;
-  capture::Timestamp rested_at_{};  // when a reported change was resting last
   std::deque<Snapshot> history_;
   Eigen::Vector3d reported_ = Eigen::Vector3d::Zero();  // the rotation reported last
   std::optional<Snapshot> pending_;                     // a turn to be confirmed by the next survey

@@ -13,12 +13,10 @@ namespace {
 
 struct MovedPoseTuning {
   double correlated_s = 0.25;    // seconds of sightings that count as one: their errors last while the object is there
-  int min_pause_ms = 90;         // between sightings; nearer ones are redundant and cost as much
   double time_constant_s = 20;   // of forgetting: a knocked camera may go on creeping
   double others_bias_m = 0.002;  // 1 sigma, common to all positions of the other cameras: their calibration
   double distance_share = 0.4;   // 1 sigma of the room's distance, of itself
-  double huber_sigmas = 2.5;     // farther away a sighting counts by its distance
-  double gate_sigmas = 8;        // farther away it is another object
+  double tukey_sigmas = 8;       // no weight beyond: it is another object
 };
 constexpr MovedPoseTuning moved_pose{};
 
@@ -41,7 +39,6 @@ void MovedPose::set_room(const RoomRotation& room) {
 }
 
 void MovedPose::add(const ReferenceSighting& sighting) {
-  if (last_at_ && sighting.at - *last_at_ < std::chrono::milliseconds(moved_pose.min_pause_ms)) return;
   const Eigen::Vector3d turned_then =
       turned(room_.rotation, camera_.cam_from_world * (sighting.position + state_.tail<3>()));
   const Eigen::Matrix3d b = rotation_matrix(state_.head<3>());
@@ -57,13 +54,13 @@ void MovedPose::add(const ReferenceSighting& sighting) {
       sighting.covariance + by_position * sighting.position_covariance * by_position.transpose();
   const Eigen::Matrix2d expected = noise + by_state * covariance_ * by_state.transpose();
   const Eigen::Vector2d difference = sighting.px - px->px;
-  const double sigmas = std::sqrt(difference.dot(expected.inverse() * difference));
-  if (!(sigmas < moved_pose.gate_sigmas)) return;
+  constexpr double gate2 = moved_pose.tukey_sigmas * moved_pose.tukey_sigmas;
+  const double inside = 1 - difference.dot(expected.inverse() * difference) / gate2;
+  if (!(inside > 0)) return;
   const double since_s = last_at_ ? capture::seconds(sighting.at - *last_at_) : moved_pose.correlated_s;
   if (since_s < 0) return;
   last_at_ = sighting.at;
-  const double weight = std::min(1.0, since_s / moved_pose.correlated_s) *
-                        std::min(1.0, moved_pose.huber_sigmas / std::max(sigmas, 1e-9));
+  const double weight = std::min(1.0, since_s / moved_pose.correlated_s) * inside * inside;
   const double kept = std::exp(-since_s / moved_pose.time_constant_s);
   const Eigen::Matrix<double, 9, 2> gain = weight * by_state.transpose() * noise.inverse();
   information_ = kept * information_ + gain * by_state;

@@ -89,7 +89,7 @@ void set_detail(Patch& patch) {
 // values, which lowers the measured gain.
 float loss_of(const Patch& patch, const Pixels& now, float measured_gain) {
   const float lost = -product(now, patch.detail) / (patch.detail_energy * measured_gain);
-  return lost / std::max(0.1f, 1 + lost * patch.detail_of_values);
+  return lost > 0 ? lost / (1 + lost * patch.detail_of_values) : lost;
 }
 
 // Sums over `now`, the window that begins `from` blocks after the buffer's corner.
@@ -172,7 +172,6 @@ Found find(const Patch& patch, const Luma& luma, const Eigen::Vector2d& start) {
   std::array<float, std::size_t(window_side) * window_side> buffer;
   Found found;
   Eigen::Vector2d centre = start;
-  int readings = 0;
   Eigen::Vector2i corner = Eigen::Vector2i::Zero();
   bool is_read = false, is_settled = false;
   Sums sums;
@@ -181,7 +180,6 @@ Found find(const Patch& patch, const Luma& luma, const Eigen::Vector2d& start) {
   for (int step = 0; step < patch_fit.most_steps; ++step) {
     Eigen::Vector2f from = (centre - corner.cast<double>()).cast<float>() - Eigen::Vector2f::Constant(half);
     if (!is_read || from.minCoeff() < 0 || from.maxCoeff() >= float(2 * margin + 1)) {
-      if (readings++ == patch_fit.most_readings) return found;
       corner = (centre.array() - double(half)).floor().cast<int>().matrix() - Eigen::Vector2i::Constant(margin);
       if (!luma.read(corner.x(), corner.y(), window_side, window_side, buffer.data())) return found;
       is_read = true;
@@ -192,11 +190,9 @@ Found find(const Patch& patch, const Luma& luma, const Eigen::Vector2d& start) {
     if (sums.with_patch <= 0) break;  // negative correlation
     const float gain = sums.with_patch / patch.energy;
     const Eigen::Vector2f change = patch.from_gradient * Eigen::Vector2f(sums.with_x, sums.with_y) / gain;
-    const float length = change.norm();
-    const float limit = patch_fit.max_step_blocks;
-    centre -= (length > limit ? Eigen::Vector2f(change * (limit / length)) : change).cast<double>();
+    centre -= change.cast<double>();
     if (!((centre - start).norm() <= double(patch_fit.max_shift_blocks))) break;
-    is_settled = length < float(patch_fit.settled_blocks);
+    is_settled = change.norm() < float(patch_fit.settled_blocks);
     if (is_settled) break;
   }
   const float energy = std::max(sums.square - sums.value * sums.value / float(patch_pixels), 1e-3f);

@@ -15,9 +15,7 @@ namespace huetrack::room_watch {
 
 struct PatchFitTuning {
   int most_steps = 8;                // Gauss-Newton
-  int most_readings = 3;             // of the image, when the patch leaves the window
   double settled_blocks = 0.02;      // last step; no place is known better: a fifth of the usual noise
-  float max_step_blocks = 2;         // per step
   float max_shift_blocks = 4;        // from the start; farther away it is another patch
   float min_correlation = 0.75f;     // of a patch that is found: noise of 0.9 of its contrast
   float min_contrast = 0.25f;        // of a patch that is found, in its own: below, fog, a hand, something plain

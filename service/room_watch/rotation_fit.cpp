@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <span>
+#include <utility>
 
 #include "calib/model/covariance_ellipse.h"
 #include "calib/model/cross_matrix.h"
@@ -15,19 +16,15 @@ namespace {
 
 struct RotationFitTuning {
   int most_rounds = 6;        // of reweighting
-  double settled_gate = 0.9;  // a gate that narrows by less has converged
   double tukey_sigmas = 4.5;  // zero weight beyond; 95 % efficiency is at 4.685
   double bias_px = 0.05;      // 1 sigma per patch of JPEG blocks, interpolation and lens model
-  double min_gate_px = 0.3;   // the narrowest gate
 };
 constexpr RotationFitTuning rotation_tuning{};
 constexpr std::size_t least_rays = 4;  // maths: unknowns
 
 struct AimGuessTuning {
-  double rotation_base = 20;  // gates by which two rays must be apart to fix a rotation to 5 %
-  double zoom_base = 50;      // gates by which they must be apart to fix a zoom to 2 %
-  double max_zoom = 0.1;      // beyond it a patch no longer correlates with its picture
-  int zoom_votes = 3;         // more rays that must agree with a zoom: by chance 1 or 2 of 16 do
+  double max_zoom = 0.1;  // beyond it a patch no longer correlates with its picture
+  int zoom_votes = 3;     // more rays that must agree with a zoom: by chance 1 or 2 of 16 do
 };
 constexpr AimGuessTuning aim_guess{};
 
@@ -127,11 +124,9 @@ std::optional<RotationFit> fit_rotation(const calib::CameraModel& lens, std::spa
     x = solver.solve(right);
     constexpr double median_in_sigmas = 1.177;  // maths: of a Rayleigh distribution
     const double middle = calib::median_in_place(std::span(distances));
-    const double narrower =
-        std::clamp(rotation_tuning.tukey_sigmas * middle / median_in_sigmas, rotation_tuning.min_gate_px, gate);
-    const bool is_settled = round > 0 && narrower > rotation_tuning.settled_gate * gate;
-    gate = narrower;
-    if (is_settled) break;
+    const double sigma = std::max(middle / median_in_sigmas, rotation_tuning.bias_px);
+    const double before = std::exchange(gate, std::min(gate, rotation_tuning.tukey_sigmas * sigma));
+    if (round > 0 && gate == before) break;
   }
   RotationFit fit;
   double sum = 0, chi2 = 0;
@@ -200,7 +195,6 @@ Guess best_guess(const calib::CameraModel& lens, std::span<const SeenRay> seen, 
   for (std::size_t i = 0; i < seen.size(); ++i) {
     for (std::size_t j = i + 1; j < seen.size(); ++j) {
       const double apart = (seen[i].ray - seen[j].ray).norm();
-      if (apart < (is_zooming ? aim_guess.zoom_base : aim_guess.rotation_base) * gate_rad) continue;
       auto first = now[i], second = now[j];
       if (!first || !second) continue;
       const double zoom = is_zooming ? (*first - *second).norm() / apart - 1 : 0;

@@ -12,7 +12,6 @@ namespace {
 struct JumpTuning {
   double least_radii = 5;         // of a jump, in every view: 0.2 m for a ball of 4 cm
   double times_the_speed = 5;     // of the steps before and after it; a throw, a bounce is as fast beside it
-  double longest_step_s = 0.2;    // unseen for longer, it may be anywhere
   double most_scale = 2;          // of the object in a view: half as far away; smaller ones are specks of its colour
   std::size_t longest_run = 2;    // jumps without a smooth step in between: one picture out of place
   int least_count = 4;            // in a window: an object of the colour that appears as another leaves is rarer
@@ -36,7 +35,7 @@ void JumpWatch::look(std::span<const object_tracking::SeenRegion> regions, doubl
     if (now[c].radius_px <= 0) continue;  // its last one stays
     const Largest before = std::exchange(last_[c], now[c]);
     const double since_s = now_s - before.at_s;
-    if (since_s <= 0 || since_s > tuning.longest_step_s ||
+    if (since_s <= 0 || since_s > pair_sampling.longest_gap_s ||
         std::max(now[c].radius_px, before.radius_px) > tuning.most_scale * std::min(now[c].radius_px, before.radius_px))
       continue;
     ++views;
@@ -45,7 +44,7 @@ void JumpWatch::look(std::span<const object_tracking::SeenRegion> regions, doubl
             step.is_of_target && now[c].is_target};
   }
   while (!jumps_.empty() && jumps_.front().at_s < now_s - pair_sampling.window_s) jumps_.pop_front();
-  if (!steps_.empty() && steps_.back().at_s < now_s - tuning.longest_step_s) steps_.clear();
+  if (!steps_.empty() && steps_.back().at_s < now_s - pair_sampling.longest_gap_s) steps_.clear();
   if (views < tuning.least_cameras) return;
   steps_.push_back(step);
   if (steps_.size() > tuning.longest_run + 2) steps_.pop_front();

@@ -17,11 +17,9 @@ namespace huetrack::view_watch {
 namespace {
 
 struct PairNoiseTuning {
-  double rig_px = 0.25;          // 1 sigma of a good rig and lens model
-  double max_sigmas = 5;         // robust cost: farther off is as bad
-  double min_depth_m = 0.05;     // nearer counts as behind
-  double acceleration_m_s2 = 5;  // of the target, by which interpolation errs
-  double distance_m = 3;         // of the target, for that
+  double rig_px = 0.25;               // 1 sigma of a good rig and lens model
+  double max_sigmas = 5;              // robust cost: farther off is as bad
+  double acceleration_rad_s2 = 1.67;  // of a ray, by which interpolation errs: 5 m/s^2 at 3 m
 };
 constexpr PairNoiseTuning pair_noise{};
 
@@ -162,7 +160,7 @@ std::vector<PairComparison::Moment> PairComparison::moments(const PlacedTrack& o
       b.sigma_px = std::max(before.sigma_px, after.sigma_px);
       b.px_per_s = before.px_per_s + share * (after.px_per_s - before.px_per_s);
       // maths: largest distance of a parabola from its chord
-      interpolated_px = focal_px * pair_noise.acceleration_m_s2 / pair_noise.distance_m * gap_s * gap_s / 8;
+      interpolated_px = focal_px * pair_noise.acceleration_rad_s2 * gap_s * gap_s / 8;
     }
     const double px_per_s = std::max(a.px_per_s, b.px_per_s);
     const double elsewhere_px2 = pair_noise.rig_px * pair_noise.rig_px + interpolated_px * interpolated_px +
@@ -188,7 +186,7 @@ std::optional<PairComparison::Passing> PairComparison::passing(const Moment& mom
               .expected_px = std::sqrt(moment.elsewhere_px2 + (by_i_m * by_i_m + by_j_m * by_j_m) / scale2),
               .radius_m = 0,
               .slope_of_i_px = Eigen::Vector3d::Zero()};
-  if (along_i <= pair_noise.min_depth_m || along_j <= pair_noise.min_depth_m) return out;
+  if (along_i <= 0 || along_j <= 0) return out;
   // The distance of the rays is det(base, di, dj) / |di x dj|. Its derivative neglects the motion of the nearest
   // points, which is of second order where the rays agree.
   const double per_px = 1 / std::sqrt(nearest->sin2 * scale2);

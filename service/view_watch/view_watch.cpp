@@ -20,15 +20,10 @@ using object_tracking::SeenRegion;
 
 // Which samples are compared.
 struct ViewSamplesTuning {
-  double max_rate_hz = 16;       // of samples; more are correlated
-  double period_s = 0.5;         // between judgements; also the time within which clutter must move
-  double region_noise_px = 3;    // of a region that does not move, at most; twice that is motion, four times a path
-  double swerve = 0.35;          // of its step by which one thing changes direction between samples
-  double still_after_s = 1;      // static clutter stays in a place for so long
-  int still_count = 5;           // and is seen so often
-  double still_forgotten_s = 5;  // after which it is no longer static clutter
-  double max_interval_s = 0.25;  // of frames, to measure their period
-  int period_intervals = 64;     // averaged: rows make one longer, the next one shorter
+  double max_rate_hz = 16;     // of samples; more are correlated
+  double period_s = 0.5;       // between judgements; clutter moves within it, or stays in its place for two
+  double region_noise_px = 3;  // of a region that does not move, at most; twice that is motion, four times a path
+  double swerve = 0.35;        // of its step by which one thing changes direction between samples
 };
 constexpr ViewSamplesTuning view_samples{};
 constexpr double moves_px = 2 * view_samples.region_noise_px, path_px = 2 * moves_px;
@@ -39,12 +34,10 @@ constexpr double jitter = 0.9;                      // maths: of a period, so th
 // When views are inconsistent, and when a hypothesis explains it. Good recordings have a robust cost of 0.05 to 1 and a
 // worst pair of 0.2 to 1.2 (EXPERIMENTS.md); PairComparison::Agreement has the units.
 struct ConsistencyTuning {
-  double agrees = 1.4;            // worst pair, at most, under the hypothesis
-  double much_better = 0.45;      // cost under the hypothesis in that of the rig, at most
-  double min_gain = 0.25;         // decrease of the cost, at least
-  double turned_score = 0.4;      // cost from which a small turn is tested, once a second
-  double suspicious_score = 0.9;  // cost from which the views are inconsistent
-  double disagrees = 2;           // worst pair from which they are, and all hypotheses are tested
+  double agrees = 1.4;          // worst pair, at most, under the hypothesis
+  double much_better = 0.45;    // cost under the hypothesis in that of the rig, at most
+  double turned_score = 0.4;    // cost from which a small turn is tested, once a second
+  double disagrees = 2;         // worst pair from which they are, and all hypotheses are tested
   double contradicts = 3;       // worst pair from which it is reported without explanation; best pair, twice: other rig
   double clearly_better = 0.8;  // cost of the best hypothesis in that of the second
   double per_parameter = 1.1;   // factor of the cost of a hypothesis
@@ -58,15 +51,14 @@ constexpr double forgotten_after_s = 2 * pair_sampling.window_s;  // what was fo
 constexpr double suspected_for_s = 2 * view_samples.period_s;
 
 struct TimingFaultTuning {
-  double min_late_s = 0.07;       // a stamp's error; up to that the tracker estimates latency (prior 20 ms, 1 sigma)
-  double min_unlearnt_s = 0.03;   // what it has not estimated: a frame at 30 Hz; twice the precision of both
-  double sure_sigmas = 4;         // of a latency, and of a readout beyond the frame period
-  double report_sigma_s = 0.005;  // a latency is reported when it is known to that
-  double since_jump_s = 1.2;      // seconds that are compared after a jump: 19 samples
+  double min_late_s = 0.07;      // a stamp's error; up to that the tracker estimates latency (prior 20 ms, 1 sigma)
+  double min_unlearnt_s = 0.03;  // what it has not estimated: a frame at 30 Hz; twice the precision of both
+  double sure_sigmas = 4;        // of a latency, and of a readout beyond the frame period
 };
 constexpr TimingFaultTuning timing_fault{};
 constexpr double usual_below_middle = 0.5 / std::numbers::sqrt3;  // maths: 1 sigma of a row anywhere in the picture
 constexpr double same_times_s = timing_fault.min_unlearnt_s / 2;
+constexpr double since_jump_s = pair_sampling.window_s / 2;  // compared after a jump
 
 struct CameraFaultTuning {
   double min_turn_rad = 0.0052;  // 0.3 degrees
@@ -77,7 +69,6 @@ constexpr CameraFaultTuning camera_fault{};
 struct TargetFaultTuning {
   double min_shared = 0.03;         // of a picture that has the target's colour
   double times_the_target = 4;      // of what the target can cover
-  int min_shared_count = 3;         // consecutive judgements
   double min_outline_ratio = 0.86;  // of radii by outlines: blur and shade make them smaller by up to 6 % (experiment)
   double max_outline_ratio = 1.1;   // the same
 };
@@ -288,7 +279,7 @@ class FaultHypotheses {
 
   static bool explains(const PairComparison::Agreement& with, const PairComparison::Agreement& as_is) {
     return with.pairs >= as_is.pairs && with.worst <= consistency.agrees &&
-           with.score <= consistency.much_better * as_is.score && as_is.score - with.score >= consistency.min_gain;
+           with.score <= consistency.much_better * as_is.score;
   }
 
   void judge(Mistake mistake, const FaultHypothesis& hypothesis, bool is_sure) {
@@ -455,10 +446,10 @@ void ViewWatch::keep(const object_tracking::ObjectEstimate& estimate, std::span<
 }
 
 void ViewWatch::note_period(PerCamera& camera, double t_s) {
-  constexpr double min_share = 1.0 / view_samples.period_intervals;
   const double since_s = t_s - std::exchange(camera.seen_s, t_s);
-  if (since_s <= 0 || since_s > view_samples.max_interval_s) return;
-  camera.period_s += std::max(min_share, 1.0 / ++camera.intervals) * (since_s - camera.period_s);
+  if (since_s <= 0 || since_s > pair_sampling.longest_gap_s) return;
+  const auto averaged = std::min(++camera.intervals, most_samples());
+  camera.period_s += (since_s - camera.period_s) / double(averaged);
 }
 
 // Once the target has been tracked for a while, earlier regions that were not assigned to it were clutter of its
@@ -475,15 +466,14 @@ void ViewWatch::forget_clutter(const object_tracking::ObjectEstimate& estimate, 
 }
 
 bool ViewWatch::is_still(PerCamera& camera, const Eigen::Vector2d& px, double now_s) const {
-  std::erase_if(camera.spots,
-                [&](const PerCamera::Spot& spot) { return spot.last_s < now_s - view_samples.still_forgotten_s; });
+  std::erase_if(camera.spots, [&](const PerCamera::Spot& spot) { return spot.last_s < now_s - view_samples.period_s; });
   for (PerCamera::Spot& spot : camera.spots) {
     if ((spot.px - px).norm() > object_tracking::sighting_tuning.still_px) continue;
     spot.last_s = now_s;
-    return ++spot.count >= view_samples.still_count && now_s - spot.first_s > view_samples.still_after_s;
+    return now_s - spot.first_s > 2 * view_samples.period_s;
   }
   if (camera.spots.size() >= most_spots) camera.spots.erase(camera.spots.begin());
-  camera.spots.push_back({px, now_s, now_s, 1});
+  camera.spots.push_back({px, now_s, now_s});
   return false;
 }
 
@@ -531,10 +521,9 @@ std::optional<Mistake> ViewWatch::of_rig(double now_s, const std::vector<bool>& 
   if (!has_moved()) return std::nullopt;
   const PairComparison comparison(rig_);
   const PairComparison::Agreement as_is = comparison.agreement(tracks_, {}, time_sigmas_);
-  is_wrong_ = as_is.pairs > 0 && (as_is.worst >= consistency.disagrees || as_is.score >= consistency.suspicious_score);
-  const bool is_clear = as_is.worst >= consistency.disagrees;
+  const bool is_clear = is_wrong_ = as_is.worst >= consistency.disagrees;
   if (!is_clear) tries_ = 0;
-  if ((!is_wrong_ && as_is.score < consistency.turned_score) || now_s < (is_clear ? next_try_s_ : next_turn_s_))
+  if ((!is_clear && as_is.score < consistency.turned_score) || now_s < (is_clear ? next_try_s_ : next_turn_s_))
     return std::nullopt;
   next_turn_s_ = now_s + 2 * view_samples.period_s;
   if (is_clear) {
@@ -554,7 +543,7 @@ std::optional<Mistake> ViewWatch::of_rig(double now_s, const std::vector<bool>& 
 
 // Where nothing explains the whole window, stamps may have jumped within it. Other faults will fill the window soon.
 std::optional<Mistake> ViewWatch::of_jump(double now_s) {
-  const double since_s = now_s - timing_fault.since_jump_s;
+  const double since_s = now_s - since_jump_s;
   for (Track& track : tracks_) std::erase_if(track, [&](const SeenPoint& s) { return s.t_s < since_s; });
   if (!has_moved()) return std::nullopt;
   const PairComparison::Agreement as_is = PairComparison(rig_).agreement(tracks_, {}, time_sigmas_);
@@ -623,7 +612,9 @@ std::optional<Mistake> ViewWatch::explained(const PairComparison::Agreement& as_
 // Views are consistent because the tracker has estimated a latency that is more than drivers cause: a wrong time stamp.
 std::optional<Mistake> ViewWatch::of_learnt_times() const {
   const std::size_t n = cameras_.size();
-  const auto is_known = [&](std::size_t c) { return latency_sigmas_[c] <= timing_fault.report_sigma_s; };
+  const auto is_known = [&](std::size_t c) {
+    return timing_fault.sure_sigmas * latency_sigmas_[c] <= timing_fault.min_unlearnt_s;
+  };
   // Only differences are observable: the median camera is taken as in time.
   std::vector<double> late_s;
   for (std::size_t c = 0; c < n; ++c)
@@ -658,7 +649,7 @@ std::optional<Mistake> ViewWatch::of_uneven_times() {
     if (camera.moved_count >= consistency.min_times || sigma_s < camera.surest_sigma_s)
       camera.surest_latency_s = latency_s, camera.surest_sigma_s = sigma_s;
     const double too_long_s = camera.readout_s - camera.period_s;
-    const bool is_too_long = !rig_.cameras[c].timing.readout_s && camera.intervals >= view_samples.period_intervals &&
+    const bool is_too_long = !rig_.cameras[c].timing.readout_s && camera.intervals >= most_samples() &&
                              too_long_s > timing_fault.sure_sigmas * camera.readout_sigma_s;
     if (!has_moved && !is_too_long) continue;
     const double size_s = std::max(has_moved ? moved_s : 0, is_too_long ? camera.readout_s : 0);
@@ -672,10 +663,7 @@ std::optional<Mistake> ViewWatch::of_uneven_times() {
 std::vector<Mistake> ViewWatch::of_shared_color(std::span<const object_tracking::ColorShare> shares) {
   std::vector<Mistake> out;
   for (std::size_t c = 0; c < shares.size(); ++c) {
-    const bool is_shared =
-        shares[c].of_picture > std::max(target_fault.min_shared, target_fault.times_the_target * shares[c].of_target);
-    cameras_[c].shared_count = is_shared ? cameras_[c].shared_count + 1 : 0;
-    if (cameras_[c].shared_count >= target_fault.min_shared_count)
+    if (shares[c].of_picture > std::max(target_fault.min_shared, target_fault.times_the_target * shares[c].of_target))
       out.push_back({.kind = MistakeKind::shared_color, .cameras = {int(c)}, .size = shares[c].of_picture});
   }
   return out;

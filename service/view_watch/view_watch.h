@@ -107,12 +107,10 @@ class ViewWatch {
     struct Spot {  // static clutter
       Eigen::Vector2d px;
       double first_s, last_s;
-      int count;
     };
     std::vector<Spot> spots;
-    int shared_count = 0;  // consecutive judgements with too much of the colour
-    double period_s = 0;   // of frames in which it sees the target: a running mean
-    int intervals = 0;
+    double period_s = 0;  // of frames in which it sees the target: a running mean
+    std::size_t intervals = 0;
     double readout_s = 0, readout_sigma_s = 0;  // estimated by the tracker; its absolute value
     double seen_s = 0;                          // the target, last
     // surest_*: latency relative to the rig's, at its smallest sigma since the last correction.
@@ -131,7 +129,7 @@ class ViewWatch {
   bool correct_times(Mistake& found, double now_s);
   std::optional<Mistake> of_uneven_times();
   std::optional<Mistake> of_learnt_times() const;
-  std::vector<Mistake> of_shared_color(std::span<const object_tracking::ColorShare> shares);
+  static std::vector<Mistake> of_shared_color(std::span<const object_tracking::ColorShare> shares);
   std::optional<Mistake> of_radius(const object_tracking::OutlineFindings& outlines) const;
   bool has_moved() const;
   void confirm(const std::vector<Mistake>& found, double now_s);
