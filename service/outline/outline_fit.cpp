@@ -15,7 +15,6 @@ namespace {
 struct OutlineFitTuning {
   double reach_px = 4;           // px beyond and within the edge: 4 sigma of a soft edge
   double min_radius_px = 1.5;    // px; smaller discs are all edge
-  int min_pixels = 24;           // samples of light
   float min_contrast = 4;        // of the object to the background, in standard deviations of a pixel
   float model_light = 1.5f;      // grey values by which the model itself errs, 1 sigma (experiment)
   float model_chroma = 1.f;      // grey values, the same of chroma (experiment)
@@ -68,7 +67,6 @@ constexpr OutlineStepTuning outline_step{};
 struct HeldLightTuning {
   double min_visible = 0.75;  // share of the edge; less, and an occluder passes for the ball's dark side
   double chance_sigmas = 4;   // of the misfit, a mean of many squares, over the last full fit's
-  double max_misfit = 2;      // a full fit that is worse promises nothing
 };
 constexpr HeldLightTuning held_light{};
 
@@ -390,7 +388,6 @@ bool OutlineFit::sample(const Picture& picture, const Background& behind, const 
   chroma_.n = 0;
   if (has_chroma_) select_samples(band_, grid_, grid_.columns, grid_.rows, chroma_);
   out.pixels = light_.n;
-  if (light_.n < outline_fit.min_pixels) return false;
   read_samples(picture, behind, band_, grid_, noise_, light_, chroma_);
   if (!find_object_color(model)) return false;
   make_samples();
@@ -471,8 +468,7 @@ bool OutlineFit::iterate(const AppearanceModel& model, const FitOptions& options
 // Little is hidden, and misfit and size are as the last full fit promised, within chance.
 bool OutlineFit::is_as_promised(const AppearanceModel& model) const {
   const double by_chance = 1 + held_light.chance_sigmas * misfit_by_chance();
-  return visible_ >= held_light.min_visible &&
-         misfit_ <= std::min(held_light.max_misfit, model.promise->misfit) * by_chance && !has_other_size();
+  return visible_ >= held_light.min_visible && misfit_ <= model.promise->misfit * by_chance && !has_other_size();
 }
 
 void OutlineFit::trust_all() {
