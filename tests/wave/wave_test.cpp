@@ -671,7 +671,7 @@ TEST(Wave, HeldBallThatIsOftenHidden) {
   const calib::CameraRig truth = rig_of(3);
   const auto hidden = [](int, double t) { return std::fmod(t, 2) < 0.8; };
   const std::vector<BallFrame> frames =
-      held(waved(truth, {.seconds = 16, .times = webcam_times, .hidden = hidden, .wrong = 1}));
+      held(waved(truth, {.seconds = 6, .times = webcam_times, .hidden = hidden, .wrong = 1}));
   WaveOptions options;
   options.hold_poses = true;
   const WaveResult timed = calibrate_wave(truth, frames, options);
