@@ -203,7 +203,7 @@ bool other_poses_fit_better(const calib::CameraRig& rig, const std::vector<BallF
     const double most = (freedom + sure_sigmas * std::sqrt(2 * freedom)) / 2;
     return held.misfit() - other.solution->misfit() > OutlineCorrelation{}.frames_as_one(held.step_s()) * most;
   } catch (const solver::CalibrationError&) {
-    return true;
+    return true;  // no poses explain the views: the held ones, which most frames contradict, are not accepted
   }
 }
 

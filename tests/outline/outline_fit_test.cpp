@@ -182,7 +182,7 @@ TEST_F(HeldLightTest, AFingerIsNotTheDisc) {
   }
 }
 
-// What the model does not explain is an error beside that of the pixels' noise.
+// What the model does not explain adds to the error by the pixels' noise.
 TEST_F(HeldLightTest, StatesWhatItDoesNotExplain) {
   learn_appearance({});
   double whole = 0, touched = 0;
