@@ -101,6 +101,10 @@ double ClutterMap::expected(std::size_t camera) const {
   return counted(of) + of.others_now / (of.sets + 1);
 }
 
+bool ClutterMap::is_crowded(std::size_t camera) const {
+  return cameras_[camera].marks.regions > double(sighting_tuning.max_regions);
+}
+
 double ClutterMap::unjudged(std::size_t camera) const {
   const PerCamera& of = cameras_[camera];
   return of.others_now / (of.sets + 1) / of.pixels;

@@ -38,6 +38,8 @@ class ClutterMap {
   // What the regions of the last look() add to it, wherever they are: most of them will be clutter.
   double unjudged(std::size_t camera) const;
   double expected(std::size_t camera) const;  // regions per set, of the last look(), too; > 0
+  // The mean set shows more regions than a search looks at: the object may not be among them.
+  bool is_crowded(std::size_t camera) const;
   // Natural logarithm of p(evidence | target) / p(evidence | clutter of this view): an amplitude feature (Lerro and
   // Bar-Shalom 1993). 0: nothing is known.
   double log_ratio(std::size_t camera, const color::DiscEvidence& evidence) const;

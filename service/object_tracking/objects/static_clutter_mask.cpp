@@ -204,7 +204,7 @@ void StaticClutterMask::measure(const TargetView& view) {
                                           std::floor((view.image->height + hits_px_ / 2.0) / hits_px_));
   share.of_picture = std::min(1.0, double(hits_.size()) / probed);
   const double bound = (camera.is_above ? static_clutter.shared_below : static_clutter.shared_above) * share.of_target;
-  camera.is_above = share.of_picture > std::max(static_clutter.min_share, bound);
+  camera.is_above = camera.is_crowded || share.of_picture > std::max(static_clutter.min_share, bound);
 }
 
 void StaticClutterMask::sample(const TargetView& view, std::span<const Sighting> tracked) {

@@ -4,9 +4,10 @@
 // its colour is seen. Pixels under a tracked object keep their state, so that a resting object stays tracked, unless
 // its surroundings have the colour, too.
 //
-// A room shares the colour if one view shows more of it than all objects could cover; then all views learn. If so at
-// the first set, everything but discs of an object's size is clutter until it moves. Targets with several objects learn
-// in any room: what rests for 2 s and is not tracked is clutter. Otherwise the mask is empty and costs nothing.
+// A room shares the colour if one view shows more of it than all objects could cover, or more regions of it than a
+// search looks at; then all views learn. If so at the first set, everything but discs of an object's size is clutter
+// until it moves. Targets with several objects learn in any room: what rests for 2 s and is not tracked is clutter.
+// Otherwise the mask is empty and costs nothing.
 #pragma once
 
 #include <Eigen/Core>
@@ -46,6 +47,8 @@ class StaticClutterMask {
   void learn(const std::vector<object_tracking::TargetView>& views, std::span<const object_tracking::Sighting> tracked,
              capture::Timestamp set_at);
   void forget(std::size_t camera);  // it was moved
+  // This view shows more regions than a search looks at (ClutterMap::is_crowded()): the room shares the colour.
+  void note_crowded(std::size_t camera) { cameras_[camera].is_crowded = true; }
 
   // The room may show the colour in this camera: moving regions may be noise at the mask's edges.
   bool is_shared(std::size_t camera) const { return cameras_[camera].is_learning; }
@@ -85,6 +88,7 @@ class StaticClutterMask {
     std::vector<Probe> probes = {};
     color::LightChange light = {};  // since the last sample
     bool is_above = false;          // more of the colour than the objects could cover
+    bool is_crowded = false;        // note_crowded()
     bool is_learning = false;
   };
   void measure(const object_tracking::TargetView& view);

@@ -81,7 +81,9 @@ void RegionTracker::learn() {
     sighter_.learn_behind(views_.used(), object->filter.motion());
     sighter_.learn_behind(views_.unused(), object->filter.motion());
   }
+  const bool was_shared = clutter_mask_.is_room_shared();
   clutter_mask_.learn(views_.used(), tracked, last_at_);
+  if (!was_shared && clutter_mask_.is_room_shared()) consistency_.forget();  // some of what was compared was the room
   if (!is_alone()) return;
   const auto object = std::ranges::find_if(objects_, is_tracked);
   if (object != objects_.end() && !clutter_mask_.is_room_shared())
@@ -289,6 +291,9 @@ std::vector<Birth> RegionTracker::births(const capture::FrameSet& set, const std
   for (const auto& object : objects_)
     add_covered(views, object->sightings, object->filter.motion().position(), target_.radius_m, covered);
   clutter_.look(views, regions);
+  if (is_alone())
+    for (const TargetView& view : views)
+      if (clutter_.is_crowded(std::size_t(view.index))) clutter_mask_.note_crowded(std::size_t(view.index));
   std::vector<Birth> out = births_.look(views, regions, covered, clutter_, clutter_mask_, set.at, times());
   if (is_alone())
     std::erase_if(out,
