@@ -128,6 +128,36 @@ TEST(ClutterMap, WhatStandsOutMoreThanTheClutterIsTheTargets) {
   EXPECT_GT(room.clutter.log_ratio(1, {.odds = 60, .most = 100}), 0);  // nothing is known of this view's clutter
 }
 
+// A search looks at the eight largest regions of a view.
+TEST(ClutterMap, IsCrowdedByMoreRegionsThanASearchLooksAt) {
+  Room room(0);
+  std::vector<TargetView> views(2);
+  views[0].index = 0, views[1].index = 2;
+  std::vector<std::vector<color::ColorRegion>> regions(2);
+  regions[0].resize(8), regions[1].resize(9);
+  for (const std::size_t c : {0U, 2U}) room.clutter.forget(c);
+  room.clutter.look(views, regions);
+  EXPECT_FALSE(room.clutter.is_crowded(0));
+  EXPECT_FALSE(room.clutter.is_crowded(1));
+  EXPECT_TRUE(room.clutter.is_crowded(2));
+}
+
+// Along the innovation, the posterior's variance is that of probabilistic data association.
+TEST(ObjectExistence, AnUncertainAssociationWidensThePosteriorAsPdaDoes) {
+  const double prior = 30, noise = 4, spread = prior + noise, gain = prior / spread;
+  for (const double b : {0.3, 0.8, 0.99}) {
+    for (const double d : {0.0, 2.0, 5.0}) {
+      const Eigen::Matrix2d added =
+          association_px2(spread * Eigen::Matrix2d::Identity(), d * Eigen::Vector2d(0.6, 0.8), b);
+      EXPECT_NEAR(prior - prior * prior / (spread + added(0, 0)),
+                  prior - b * gain * prior + b * (1 - b) * gain * gain * d * d, 1e-4 * prior)
+          << b << " " << d;
+    }
+  }
+  EXPECT_GT(association_px2(Eigen::Matrix2d::Identity(), {4, 0}, 0.5)(0, 0), 1e6);  // tells nothing
+  EXPECT_NEAR(association_px2(Eigen::Matrix2d::Identity(), {4, 0}, 1)(0, 0), 0, 1e-6);
+}
+
 TEST(ObjectExistence, IsConfirmedByThreeConsistentViewsTwice) {
   const Room room;
   EXPECT_TRUE(room.begun(room.birth({0, 0, 1}, {0.02, 0, 1})).is_sure());

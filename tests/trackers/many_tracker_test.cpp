@@ -6,6 +6,8 @@
 #include <set>
 
 #include "object_tracking/objects/further_objects.h"
+#include "object_tracking/objects/static_clutter_mask.h"
+#include "object_tracking/target_views.h"
 #include "object_tracking/trackers/object_tracker.h"
 #include "scene/scene.h"
 
@@ -303,6 +305,28 @@ TEST(StaticClutterMask, ABallBeforeFurnitureOfItsColourIsTracked) {
     for (std::size_t i = 80; i < run.tracked.size(); ++i) tracked += run.tracked[i];
     EXPECT_GE(tracked, 40u) << count;  // of 45
   }
+}
+
+// A view with more regions than a search looks at: all views learn the room's colours, until the camera is moved.
+TEST(StaticClutterMask, ACrowdedViewMakesTheRoomShareTheColour) {
+  const scene::Scene scene = scene_of({[](double t) { return Vector3d(0.1 * t, 0.1, 1.0); }});
+  TargetViews views(scene.rig, limes(1));
+  StaticClutterMask mask(scene.rig.cameras.size(), 1);
+  const std::vector<capture::FrameSet> sets = render(scene, {.set_count = 60});
+  const auto is_shared_after = [&](std::size_t first, std::size_t last) {
+    for (std::size_t i = first; i < last; ++i) {
+      mask.look(views.look_at(sets[i]), sets[i].at);
+      mask.learn(views.used(), {}, sets[i].at);
+    }
+    return mask.is_room_shared();
+  };
+  for (std::size_t c = 0; c < scene.rig.cameras.size(); ++c) mask.set_sizes(c, 4, 12, scene.rig.cameras[c].image_size);
+  EXPECT_FALSE(is_shared_after(0, 20));
+  mask.note_crowded(1);
+  EXPECT_TRUE(is_shared_after(20, 40));
+  for (std::size_t c = 0; c < scene.rig.cameras.size(); ++c) EXPECT_TRUE(mask.is_shared(c)) << c;
+  mask.forget(1);
+  EXPECT_FALSE(is_shared_after(40, 60));
 }
 
 // What was usual in its pictures is forgotten with the camera, and what stands there is learnt anew.

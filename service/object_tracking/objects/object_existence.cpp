@@ -40,6 +40,7 @@ struct SeenAs {
   double log_odds;  // of the object over clutter
   Eigen::Vector3d step;
   Eigen::Matrix3d covariance;
+  Eigen::Matrix2d chance_px2;
 };
 
 std::optional<SeenAs> seen_as(const ExpectedPlace& expected, const Sighting& s, double radius_m,
@@ -58,16 +59,18 @@ std::optional<SeenAs> seen_as(const ExpectedPlace& expected, const Sighting& s, 
   const Eigen::Matrix2d spread = by * expected.covariance * by.transpose() + of_sighting;
   const Eigen::Vector2d d = s.px - in_view->px;
   const Eigen::Matrix<double, 3, 2> gain = expected.covariance * by.transpose() * spread.inverse();
-  return SeenAs{std::log(detection.probability /
-                         clutter.density(std::size_t(s.row.camera), s.px, near_radii(still) * in_view->radius_px)) +
-                    clutter.log_ratio(std::size_t(s.row.camera), s.evidence) +
-                    log_density(d, spread, in_view->radius_px),
-                gain * d, expected.covariance - gain * by * expected.covariance};
+  const auto camera = std::size_t(s.row.camera);
+  const double log_odds =
+      std::log(detection.probability / clutter.density(camera, s.px, near_radii(still) * in_view->radius_px)) +
+      clutter.log_ratio(camera, s.evidence) + log_density(d, spread, in_view->radius_px);
+  return SeenAs{log_odds, gain * d, expected.covariance - gain * by * expected.covariance,
+                association_px2(spread, d, 1 / (1 + (1 - detection.probability) * std::exp(-log_odds)))};
 }
 
 struct Evidence {
   double log_odds = 0;
   std::vector<int> chance = {};  // cameras
+  std::vector<std::pair<int, Eigen::Matrix2d>> doubts = {};
 };
 
 // Sequential: each sighting updates the prediction of the next, the likeliest first. may_be_chance: a sighting whose
@@ -91,6 +94,7 @@ Evidence evidence_of(ExpectedPlace expected, std::span<const Sighting> sightings
       evidence.chance.push_back(open[which]->row.camera);
     } else {
       of_seen += likeliest->log_odds;
+      if (still.is_room_shared()) evidence.doubts.emplace_back(open[which]->row.camera, likeliest->chance_px2);
       expected.position += likeliest->step;
       expected.covariance = likeliest->covariance;
     }
@@ -127,6 +131,11 @@ ExpectedPlace place_of(const MotionState& state, double power_density, std::span
 
 }  // namespace
 
+Eigen::Matrix2d association_px2(const Eigen::Matrix2d& spread, const Eigen::Vector2d& d, double probability) {
+  const double kept = probability * (1 - (1 - probability) * d.dot(spread.inverse() * d));
+  return (1 / std::max<double>(std::numeric_limits<float>::epsilon(), kept) - 1) * spread;
+}
+
 void ObjectExistence::begin(capture::Timestamp set_at, const Birth& birth, const std::vector<TargetView>& views,
                             double radius_m, const ObjectTrackerOptions& options, const MotionState& times,
                             const ClutterMap& clutter, const StaticClutterMask& still) {
@@ -142,7 +151,7 @@ void ObjectExistence::begin(capture::Timestamp set_at, const Birth& birth, const
                            .at = birth.now.sightings.front().row.at,
                            .velocity_covariance = of_velocity};
   of_set_ = evidence_of(near, birth.now.sightings, views, radius_m, times, clutter, still, false).log_odds;
-  chance_.clear();
+  chance_.clear(), doubts_.clear();
   evidence_ =
       std::min(max_log_odds(),
                birth.of_shape + of_set_ +
@@ -171,7 +180,7 @@ void ObjectExistence::update(capture::Timestamp set_at, const MotionState& state
   has_moved_ = has_moved_ || moved >= std::min(2, int(first_.size()));
   is_overdue_ = !has_moved_ && capture::seconds(set_at - found_when_) > sighting_tuning.confirmation_s;
   Evidence evidence = evidence_of(at, sightings, views, radius_m, state, clutter, still, true);
-  of_set_ = evidence.log_odds, chance_ = std::move(evidence.chance);
+  of_set_ = evidence.log_odds, chance_ = std::move(evidence.chance), doubts_ = std::move(evidence.doubts);
   evidence_ = std::min(max_log_odds(), evidence_ + of_set_);
   has_been_sure_ = has_been_sure_ || is_sure();
   if (has_been_sure_) evidence_ = std::max(0.0, evidence_);
@@ -198,6 +207,11 @@ void ObjectExistence::leave_out_chance(const MotionState& state, double power_de
 
 bool ObjectExistence::is_sure() const {
   return evidence_ >= existence.confirmed && has_moved_ && of_set_ >= 0;
+}
+
+Eigen::Matrix2d ObjectExistence::chance_px2(int camera) const {
+  const auto of = std::ranges::find(doubts_, camera, &std::pair<int, Eigen::Matrix2d>::first);
+  return of == doubts_.end() ? Eigen::Matrix2d::Zero() : of->second;
 }
 
 bool ObjectExistence::is_evident() const {

@@ -1,10 +1,12 @@
 // Existence probability of a track: integrated probabilistic data association (IPDA; Musicki, Evans, Stankovic 1994)
-// with hard association. State: log-odds of target over clutter. The clutter's density: clutter_map.h.
+// with hard association. State: log-odds of target
+// over clutter. The clutter's density: clutter_map.h.
 #pragma once
 
 #include <Eigen/Core>
 #include <algorithm>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "object_tracking/motion_state.h"
@@ -24,6 +26,11 @@ struct ExpectedPlace {
   Eigen::Vector3d velocity = Eigen::Vector3d::Zero();
   Eigen::Matrix3d velocity_covariance = Eigen::Matrix3d::Zero();
 };
+
+// Probabilistic data association (Bar-Shalom and Tse 1975) as an addition to a measurement's covariance, px^2. spread:
+// S, of the innovation d; probability: b, that the measurement is the object's. The gain becomes PDA's, b K, less the
+// share (1 - b) d^T S^-1 d: by that much its spread of the innovations, b (1 - b) K d d^T K^T, widens the posterior.
+Eigen::Matrix2d association_px2(const Eigen::Matrix2d& spread, const Eigen::Vector2d& d, double probability);
 
 // thread-compatible; one per object.
 class ObjectExistence {
@@ -52,6 +59,8 @@ class ObjectExistence {
   // The clutter likelihood of the camera's sighting in the last set exceeds the target likelihood: it is no measurement
   // of this object.
   bool is_chance(int camera) const { return std::ranges::count(chance_, camera) > 0; }
+  // association_px2() of the camera's sighting in the last set, in a room that shares the colour; else 0.
+  Eigen::Matrix2d chance_px2(int camera) const;
   double log_odds() const { return evidence_; }
   // Never confirmed, and less likely than when it was found, or at rest for too long. A confirmed one coasts instead.
   bool is_refuted() const;
@@ -68,7 +77,8 @@ class ObjectExistence {
   bool has_moved_ = true;  // by its radius, in two views
   bool is_overdue_ = false;
   double of_set_ = 0;
-  std::vector<int> chance_ = {};  // is_chance()
+  std::vector<int> chance_ = {};                              // is_chance()
+  std::vector<std::pair<int, Eigen::Matrix2d>> doubts_ = {};  // chance_px2(), per camera
   bool has_been_sure_ = false;
 };
 

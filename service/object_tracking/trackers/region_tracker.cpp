@@ -182,6 +182,7 @@ void RegionTracker::follow(TrackedObject& object, const capture::FrameSet& set, 
     object.filter.settle_acceleration(object.sightings);
     power_density = object.filter.power_density();
   }
+  for (Sighting& s : object.sightings) s.covariance += object.existence.chance_px2(s.row.camera);
   object.filter.update(object.sightings, set.at, object.last_published, power_density);
   if (!object.sightings.empty()) object.hidden_radii = hidden_error(object.sightings);
   judge(object, set);
