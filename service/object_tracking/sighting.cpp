@@ -73,10 +73,15 @@ class RayCrosser {
     if (!p || !inside(options_.volume, *p, target_.radius_m)) return std::nullopt;
     const auto in_i = project_ball(ci, *p, target_.radius_m);
     const auto in_j = project_ball(cj, *p, target_.radius_m);
-    if (!in_i || !in_j || !fits(i, *a.region, *in_i, sighting_tuning.start_disc_share) ||
-        !fits(j, *b.region, *in_j, sighting_tuning.start_disc_share))
+    if (!in_i || !in_j || !fits(i, *a.region, *in_i, least_share(*a.region)) ||
+        !fits(j, *b.region, *in_j, least_share(*b.region)))
       return std::nullopt;
     return p;
+  }
+
+  // What stands out of the room's colours may be the object, however little of it is seen.
+  static double least_share(const color::ColorRegion& region) {
+    return region.of_disc.any() ? 0.0 : sighting_tuning.start_disc_share;
   }
 
   // With one camera: a disc, at the distance that its size gives. nullopt: outside of the volume, or no disc.
