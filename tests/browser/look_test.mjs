@@ -232,8 +232,8 @@ async function fits(address) {
     const row = await page.locator("#recordings-list tr").first().evaluate((e) => e.innerText.replace(/\s+/g, " "));
     assert.match(row, /3 cameras/, "a number alone says nothing");
     if ((await page.getAttribute("#time", "data-closed")) === "true") await (name === "phone" ? openTool(page, "plots") : page.click("#plots-open"));
-    await until("residuals of each camera", async () => /cam0 [\d.]+, cam1 [\d.]+, cam2 [\d.]+/.test(await page.getAttribute('#plots canvas[aria-label^="Residual of each camera"]', "aria-label")));
-    await until("frames of each camera", async () => /cam0 29\.9, cam1 9\.00, cam2 29\.9, sets 29\.9/.test(await page.getAttribute('#plots canvas[aria-label^="Frames of each camera"]', "aria-label")));
+    await until("residuals of each camera", async () => /cam0 [\d.]+, cam1 [\d.]+, cam2 [\d.]+/.test(await page.getAttribute('#plots [aria-label^="Residual of each camera"]', "aria-label")));
+    await until("frames of each camera", async () => /cam0 29\.9, cam1 9\.00, cam2 29\.9, sets 29\.9/.test(await page.getAttribute('#plots [aria-label^="Frames of each camera"]', "aria-label")));
     assert.equal(await page.isVisible("#facts"), false, "inner figures are a click away");
     await openTool(page, "steps");
     await until("the light of all is told", async () => (await page.locator("#steps .light").count()) === 3);
@@ -482,7 +482,7 @@ async function tools(address) {
   await until("and not any more", async () => !isLime(await pixel("cam0", ...inset)));
 
   // Plots: as it comes, half a minute; then ten; paused, nothing moves; the cursor tells values of then.
-  const label = (i = 0) => page.locator("#plots canvas").nth(i).getAttribute("aria-label");
+  const label = (i = 0) => page.locator("#plots .chart").nth(i).getAttribute("aria-label");
   const drawnPlot = () => page.evaluate(() => document.querySelector("#plots canvas").toDataURL());
   await until("half a minute is shown", async () => /over the last 30 seconds/.test(await label()));
   await page.selectOption("#plot-span", "600");
@@ -506,7 +506,7 @@ async function tools(address) {
   for (let k = 0; k < 120; k++) position("lime", fresh + (k - 119) / 10 + 0.1);
   await until("they are shown", async () => /over the last 10 seconds/.test(await label()));
   await page.click("#plot-pause");
-  const plot = page.locator("#plots canvas").first();
+  const plot = page.locator("#plots .chart").first();
   await plot.scrollIntoViewIfNeeded();
   const box = await plot.boundingBox();
   await page.mouse.move(box.x + 46 + (box.width - 56) * 0.1, box.y + 40);

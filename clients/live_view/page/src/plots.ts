@@ -1,9 +1,11 @@
-// Plots over the last 10 seconds to 10 minutes: one canvas each, all with the same time axis, and one cursor.
+// Plots over the last 10 seconds to 10 minutes, drawn by uPlot: all with the same time axis, and one cursor.
+import uPlot from "uplot";
 import { likeBefore, lineColorOf, variable } from "./color";
 import { canSeek, recordedAt, seekTo } from "./playback";
 import { save } from "./save";
 import { historySeconds, indexAt, isServing, secondsOfSilence, store, tracks, type Rates, type Sample, type ViewSample } from "./store";
 import { label } from "./text";
+import { isHidden, watchVisibility } from "./visibility";
 
 type Timed = { t: number };
 interface Series<S extends Timed = Timed> {
@@ -26,7 +28,7 @@ interface Plot {
   isStatus?: boolean; // of the status, with the bridge's clock
 }
 
-const height = 92; // CSS pixels: a row of plots fits into the dock
+const height = 94; // CSS pixels: a row of plots fits into the dock
 const stateColors = { tracking: "--good", coasting: "--warn", searching: "--info", lost: "--bad" } as const;
 
 const colorOfTrack = (track: { name: string; isCamera: boolean }) => (track.isCamera ? "var(--accent)" : lineColorOf(track.name));
@@ -91,55 +93,25 @@ const plots: Plot[] = [
 interface Drawn {
   plot: Plot;
   figure: HTMLElement;
-  canvas: HTMLCanvasElement;
+  chart: Chart;
   now: HTMLElement;
+  colors: string[]; // of the series
 }
 const drawn: Drawn[] = [];
 const $ = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 const parent = $("plots");
-const states = $<HTMLCanvasElement>("states");
 
 const line = (dash: number[]) =>
-  `<svg width="26" height="8" aria-hidden="true"><line x1="0" y1="4" x2="26" y2="4" stroke="currentcolor" stroke-width="1.8" stroke-dasharray="${dash.join(" ")}"/></svg>`;
-
-for (const plot of plots) {
-  const figure = document.createElement("figure");
-  figure.className = "plot";
-  figure.innerHTML = `<figcaption><b></b> <span class="now"></span></figcaption><canvas role="img"></canvas>`;
-  figure.querySelector("b")!.textContent = plot.title + (plot.unit ? `, ${plot.unit}` : "");
-  figure.querySelector("b")!.title = plot.means;
-  if (plot.title === "Position")
-    figure.querySelector("figcaption")!.insertAdjacentHTML(
-      "beforeend",
-      `<span class="key">${["x", "y", "z"].map((axis, i) => `${line(dashes[i])} ${axis}`).join(" ")}</span>`,
-    );
-  parent.append(figure);
-  const canvas = figure.querySelector("canvas")!;
-  canvas.style.height = `${height}px`;
-  drawn.push({ plot, figure, canvas, now: figure.querySelector(".now")! });
+  `<svg width="26" height="8" aria-hidden="true"><line x1="0" y1="4" x2="26" y2="4" stroke="var(--stroke, currentcolor)" stroke-width="1.8" stroke-dasharray="${dash.join(" ")}"/></svg>`;
+function entry(name: string, color: string, dash: number[], text = name): HTMLElement {
+  const span = document.createElement("span");
+  span.innerHTML = line(dash);
+  span.style.setProperty("--stroke", color);
+  span.append(` ${text}`);
+  span.title = name;
+  return span;
 }
-
-function prepare(canvas: HTMLCanvasElement): [CanvasRenderingContext2D, number, number] {
-  const w = canvas.clientWidth;
-  const h = canvas.clientHeight;
-  const r = Math.min(devicePixelRatio, 2);
-  if (canvas.width !== Math.round(w * r) || canvas.height !== Math.round(h * r)) {
-    canvas.width = Math.round(w * r);
-    canvas.height = Math.round(h * r);
-  }
-  const g = canvas.getContext("2d")!;
-  g.setTransform(r, 0, 0, r, 0, 0);
-  g.clearRect(0, 0, w, h);
-  return [g, w, h];
-}
-
 const resolve = (color: string) => (color.startsWith("var(") ? variable(color.slice(4, -1)) : color);
-
-function step(range: number, count: number): number {
-  const raw = range / count;
-  const power = 10 ** Math.floor(Math.log10(raw));
-  return ([1, 2, 5].find((m) => m * power >= raw) ?? 10) * power;
-}
 
 // ---- The shown time: up to now, or up to when Pause was pressed.
 let paused: { end: number; rates: number } | null = null;
@@ -171,19 +143,11 @@ function silence(): number {
   return Number.isFinite(since) && since > pause ? since : 0;
 }
 
-// Spans and steps of the axis. Until the user chooses, the span grows with the data.
-const ticks = [
-  [10, 2],
-  [20, 5],
-  [30, 10],
-  [60, 10],
-  [120, 20],
-  [300, 60],
-  [historySeconds, 120],
-];
+// Until the user chooses, the span grows with the data.
+const spans = [10, 20, 30, 60, 120, 300, historySeconds]; // s
 const longestUnasked = 30;
 let chosen = 0; // s; 0: not chosen
-let [span, tick] = ticks[0];
+let span = spans[0];
 function fitSpan(end: number): void {
   let wanted = chosen;
   if (!wanted) {
@@ -191,203 +155,203 @@ function fitSpan(end: number): void {
     for (const track of tracks()) oldest = Math.min(oldest, track.history[0]?.t ?? end);
     wanted = Math.min(end - oldest, longestUnasked);
   }
-  [span, tick] = ticks.find(([seconds]) => wanted <= seconds) ?? ticks[ticks.length - 1];
+  span = spans.find((seconds) => wanted <= seconds) ?? historySeconds;
 }
 // Rounded to pixels.
 export const plotPeriod = () => Math.min(1000, (1000 * span) / 400);
 export const plotSpan = () => span;
 export const isPaused = () => paused !== null;
 
-const left = 46;
-const right = 10;
+// ---- Charts: x is the time in seconds after the end, from -span to 0.
+const font = "12px system-ui, sans-serif";
+const ago = (s: number) => (s >= 60 ? `−${+(s / 60).toFixed(1)} min` : `−${s} s`);
+const end = () => (paused ? "end" : "now");
+const axis: uPlot.Axis = { stroke: () => variable("--muted"), font, ticks: { show: false }, grid: { stroke: () => variable("--line"), width: 1 } };
+const times: uPlot.Axis = {
+  ...axis,
+  size: 20,
+  gap: 4,
+  space: 52,
+  grid: { show: false },
+  incrs: [1, 2, 5, 10, 20, 60, 120, 300, historySeconds],
+  values: (_, all) => all.map((s) => (s ? ago(-s) : end())),
+};
+const left = 46; // CSS pixels, of the values' axis
+const right = 12;
 
-function drawPlot({ plot, canvas }: Drawn, end: number): void {
-  const [g, w, h] = prepare(canvas);
-  const bottom = 18;
-  const all = plot.series();
-  const own = endOf(plot, end);
-  const begin = own - span;
-  const parts = all.map((s) => [indexAt(s.samples, begin), indexAt(s.samples, own + 1e-6)]);
-  let low = Infinity;
-  let high = -Infinity;
-  all.forEach((s, k) => {
-    for (let i = parts[k][0]; i < parts[k][1]; i++) {
-      const v = s.value(s.samples[i]);
-      if (v < low) low = v;
-      if (v > high) high = v;
-    }
-  });
-  if (low > high) [low, high] = [0, plot.least ?? 1];
-  if (plot.zero) low = 0;
-  const short = (plot.least ?? 0) - (high - low);
-  if (short > 0) plot.zero ? (high += short) : ((low -= short / 2), (high += short / 2));
-  const pad = (high - low) * 0.06;
-  high += pad;
-  if (!plot.zero) low -= pad;
-  const x = (t: number) => left + ((t - begin) / span) * (w - left - right);
-  const y = (v: number) => h - bottom - ((v - low) / (high - low)) * (h - bottom - 6);
-  const muted = variable("--muted");
-  g.font = "12px system-ui, sans-serif";
-  g.strokeStyle = variable("--line");
-  g.fillStyle = muted;
-  g.lineWidth = 1;
-  g.textAlign = "right";
-  g.textBaseline = "middle";
-  const dy = step(high - low, h / 30);
-  for (let v = Math.ceil(low / dy) * dy; v <= high; v += dy) {
-    g.beginPath();
-    g.moveTo(left, y(v));
-    g.lineTo(w - right, y(v));
-    g.stroke();
-    g.fillText(Math.abs(v) < dy / 1e6 ? "0" : String(+v.toPrecision(6)), left - 6, y(v));
-  }
-  timeAxis(g, w, h);
-  g.save();
-  g.beginPath();
-  g.rect(left, 0, w - left - right, h - bottom + 1);
-  g.clip();
-  all.forEach((s, k) => {
-    g.strokeStyle = resolve(s.color);
-    g.lineWidth = 1.8;
-    g.setLineDash(s.dash ?? []);
-    g.beginPath();
-    trace(g, s, Math.max(0, parts[k][0] - 1), parts[k][1], x, y);
-    g.stroke();
-  });
-  g.setLineDash([]);
-  if (cursor !== null) drawCursor(g, x(own - cursor), 0, h - bottom);
-  g.restore();
+interface Contents {
+  series: uPlot.Series[];
+  y: uPlot.Scale;
+  values: uPlot.Axis;
+  onDraw?: (u: uPlot) => void;
 }
 
-// Of many samples on one pixel only the first, least, greatest and last are visible.
-function trace(g: CanvasRenderingContext2D, s: Series, from: number, to: number, x: (t: number) => number, y: (v: number) => number): void {
-  const gap = 2.5; // s without a sample: the line breaks
-  let open = false;
-  let last = -Infinity;
-  let column = NaN;
-  let [least, most, latest] = [0, 0, 0];
-  const close = () => {
-    if (least !== most) {
-      g.lineTo(column, y(least));
-      g.lineTo(column, y(most));
-    }
-    g.lineTo(column, y(latest));
-  };
-  for (let i = from; i < to; i++) {
-    const { t } = s.samples[i];
-    const v = s.value(s.samples[i]);
-    const isThere = Number.isFinite(v);
-    if (open && (!isThere || t - last >= gap)) {
-      close();
-      open = false;
-    }
-    if (!isThere) continue;
-    const at = Math.round(2 * x(t)) / 2;
-    if (open && at === column) {
-      least = Math.min(least, v);
-      most = Math.max(most, v);
+class Chart {
+  u?: uPlot;
+  private key = "";
+
+  constructor(readonly box: HTMLElement) {
+    box.addEventListener("pointermove", (event) => this.u && pointAt(-this.u.posToVal(event.clientX - this.u.over.getBoundingClientRect().left, "x")));
+    box.addEventListener("pointerleave", () => pointAt(null));
+    box.addEventListener("click", () => {
+      const at = cursor === null || paused ? NaN : recordedAt(cursor - silence());
+      if (canSeek() && at >= 0) seekTo(at);
+    });
+  }
+
+  // Built anew for each key.
+  draw(key: string, height: number, data: uPlot.AlignedData, options: () => Contents): void {
+    const width = this.box.clientWidth;
+    if (width < 100) return; // not laid out yet
+    if (key !== this.key) {
+      this.key = key;
+      this.u?.destroy();
+      const { series, y, values, onDraw } = options();
+      this.u = new uPlot(
+        {
+          width,
+          height,
+          padding: [6, right, 0, values.show === false ? 18 : 0], // half a time fits
+          series: [{}, ...series],
+          scales: { x: { time: false, range: () => [-span, 0] }, y },
+          axes: [times, { ...axis, size: left, ...values }],
+          legend: { show: false },
+          cursor: { y: false, points: { show: false } },
+          hooks: { draw: onDraw ? [onDraw] : [] },
+        },
+        data,
+        this.box,
+      );
     } else {
-      if (open) close();
-      if (open) g.lineTo(at, y(v));
-      else g.moveTo(at, y(v));
-      column = at;
-      least = most = v;
+      if (this.u!.width !== width || this.u!.height !== height) this.u!.setSize({ width, height });
+      this.u!.setData(data);
     }
-    latest = v;
-    last = t;
-    open = true;
+    this.point();
   }
-  if (open) close();
-}
 
-function drawCursor(g: CanvasRenderingContext2D, x: number, top: number, bottom: number): void {
-  g.strokeStyle = variable("--ink");
-  g.lineWidth = 1;
-  g.beginPath();
-  g.moveTo(x, top);
-  g.lineTo(x, bottom);
-  g.stroke();
-}
-
-const ago = (s: number) => (s >= 120 ? `−${+(s / 60).toFixed(1)} min` : `−${s} s`);
-
-function timeAxis(g: CanvasRenderingContext2D, w: number, h: number, from = left): void {
-  g.textBaseline = "alphabetic";
-  // A narrow plot has fewer of them, and none on its neighbour.
-  const room = 1.5 * g.measureText(ago(span)).width + 8; // the oldest begins at its tick, the others are centred
-  const wide = Math.max(1, (tick / span) * (w - from - right));
-  const each = tick * Math.ceil(room / wide);
-  for (let s = 0; s <= span; s += each) {
-    const at = from + (1 - s / span) * (w - from - right);
-    g.textAlign = s === 0 ? "right" : s === span ? "left" : "center";
-    g.fillText(s === 0 ? (paused ? "paused" : "now") : ago(s), at, h - 4);
+  // Where the cursor is.
+  point(): void {
+    this.u?.setCursor({ left: cursor === null ? -10 : this.u.valToPos(-cursor, "x"), top: 0 });
   }
 }
 
-let statesFrom = left; // where the strip begins
+for (const plot of plots) {
+  const figure = document.createElement("figure");
+  figure.className = "plot";
+  figure.innerHTML = `<figcaption><b></b> <span class="now"></span></figcaption><div class="chart" role="img" style="height: ${height}px"></div>`;
+  figure.querySelector("b")!.textContent = plot.title + (plot.unit ? `, ${plot.unit}` : "");
+  figure.querySelector("b")!.title = plot.means;
+  if (plot.title === "Position")
+    figure.querySelector("figcaption")!.insertAdjacentHTML(
+      "beforeend",
+      `<span class="key">${["x", "y", "z"].map((axis, i) => `${line(dashes[i])} ${axis}`).join(" ")}</span>`,
+    );
+  parent.append(figure);
+  drawn.push({ plot, figure, chart: new Chart(figure.querySelector(".chart")!), now: figure.querySelector(".now")!, colors: [] });
+  watchVisibility(figure, () => changed());
+}
+
+// One table of the series, which have times of their own; those of the same samples follow each other.
+const gap = 2.5; // s without a sample: the line breaks
+function tableOf(all: Series[], end: number): uPlot.AlignedData {
+  const tables = new Map<Timed[], [number[], ...(number | null)[][]]>();
+  for (const { samples, value } of all) {
+    const first = !tables.has(samples);
+    if (first) tables.set(samples, [[]]);
+    const [x, ...columns] = tables.get(samples)!;
+    const column: (number | null)[] = [];
+    let last = Infinity;
+    const to = indexAt(samples, end + 1e-6);
+    for (let i = Math.max(0, indexAt(samples, end - span) - 1); i < to; i++) {
+      const { t } = samples[i];
+      const v = value(samples[i]);
+      if (t - last >= gap) {
+        if (first) x.push(last + gap / 2 - end);
+        column.push(null);
+      }
+      if (first) x.push(t - end);
+      column.push(Number.isFinite(v) ? v : null);
+      last = t;
+    }
+    tables.set(samples, [x, ...columns, column]);
+  }
+  return tables.size ? uPlot.join([...tables.values()]) : [[]];
+}
+
+function drawPlot(drawn: Drawn, end: number): void {
+  const { plot, chart } = drawn;
+  const all = plot.series();
+  drawn.colors = all.map((s) => resolve(s.color));
+  chart.draw(all.map((s) => `${s.name} ${s.dash}`).join("\n") || "none", height, tableOf(all, endOf(plot, end)), () => ({
+    series: all.map(({ dash }, i) => ({ width: 1.8, dash, stroke: () => drawn.colors[i], points: { show: false } })),
+    y: {
+      range: (_, least, most) => {
+        let [low, high] = least === null || most === null ? [0, plot.least ?? 1] : [plot.zero ? 0 : least, most];
+        const short = Math.max(0, (plot.least ?? 0) - (high - low));
+        if (!plot.zero) low -= short / 2;
+        high += plot.zero ? short : short / 2;
+        const pad = (high - low) * 0.06;
+        return [plot.zero ? low : low - pad, high + pad];
+      },
+    },
+    values: { space: 28, values: (_, all) => all.map((v) => String(+v.toPrecision(6))) },
+  }));
+}
+
+const states = new Chart($("states"));
+const names = $("states-names");
+let listed = "";
 function drawStates(end: number): void {
   const targets = tracks();
-  const tall = `${Math.max(1, targets.length) * 22 + 20}px`;
-  if (states.style.height !== tall) {
-    states.style.height = tall;
-    document.documentElement.style.setProperty("--states", tall); // the dock shows them, and a row of plots
+  const rows = Math.max(1, targets.length) * 22;
+  const list = targets.map((target) => `${target.name}\n${dashOf(target)}\n${resolve(colorOfTrack(target))}`).join("\n");
+  if (list !== listed) {
+    listed = list;
+    names.replaceChildren(...targets.map((target) => entry(target.name, resolve(colorOfTrack(target)), dashOf(target))));
+    document.documentElement.style.setProperty("--states", `${rows + 22}px`); // the dock shows them, and a row of plots
   }
-  const [g, w, h] = prepare(states);
-  const begin = end - span;
-  g.font = "12px system-ui, sans-serif";
-  const widest = Math.max(0, ...targets.map((t) => g.measureText(t.name).width));
-  const from = (statesFrom = Math.min(Math.max(left, widest + 28), w / 3)); // of the strip; a name that is still wider is cut
-  const x = (t: number) => from + ((t - begin) / span) * (w - from - right);
-  const cut = (name: string) => {
-    let text = name;
-    while (text.length > 1 && g.measureText(text).width > from - 24) text = `${text.replace("…", "").slice(0, -1)}…`;
-    return text;
-  };
-  targets.forEach((target, row) => {
-    const y = row * 22 + 4;
-    g.fillStyle = variable("--muted");
-    g.textAlign = "right";
-    g.textBaseline = "middle";
-    g.fillText(cut(target.name), from - 24, y + 8);
-    g.strokeStyle = resolve(colorOfTrack(target));
-    g.lineWidth = 1.8;
-    g.setLineDash(dashOf(target));
-    g.beginPath();
-    g.moveTo(from - 20, y + 8);
-    g.lineTo(from - 4, y + 8);
-    g.stroke();
-    g.setLineDash([]);
-    const samples = target.history;
-    const to = indexAt(samples, end + 1e-6);
-    for (let i = indexAt(samples, begin); i < to; ) {
+  states.draw("states", rows + 22, [[-span, 0]], () => ({ series: [], y: {}, values: { show: false }, onDraw: drawRows }));
+  label(states.box, `States over time. Now: ${targets.map((t) => `${t.name} ${t.history.at(-1)?.state ?? "unknown"}`).join(", ") || "no target"}`);
+}
+
+function drawRows({ ctx: g, bbox, valToPos }: uPlot): void {
+  const last = shownEnd;
+  const px = uPlot.pxRatio;
+  g.save();
+  g.font = `${12 * px}px system-ui, sans-serif`;
+  g.textBaseline = "middle";
+  g.textAlign = "left";
+  const x = (t: number) => Math.max(bbox.left, valToPos(t - last, "x", true));
+  tracks().forEach(({ history: samples }, row) => {
+    const top = bbox.top + row * 22 * px;
+    const to = indexAt(samples, last + 1e-6);
+    for (let i = indexAt(samples, last - span); i < to; ) {
+      const follows = (k: number) => k + 1 < to && samples[k + 1].t - samples[k].t < pause;
       let k = i;
-      while (k + 1 < to && samples[k + 1].state === samples[i].state && samples[k + 1].t - samples[k].t < 1) k++;
+      while (follows(k) && samples[k + 1].state === samples[i].state) k++;
       const start = x(samples[i].t);
-      const until = k + 1 < to && samples[k + 1].t - samples[k].t < 1 ? x(samples[k + 1].t) : x(samples[k].t) + 1;
-      g.fillStyle = variable(stateColors[samples[i].state]);
-      g.fillRect(start, y, Math.max(1, until - start), 16);
+      const width = Math.max(px, x(samples[follows(k) ? k + 1 : k].t) - start);
       const text = samples[i].state;
-      if (until - start > g.measureText(text).width + 8) {
-        g.fillStyle = variable("--on-state");
-        g.textAlign = "left";
-        g.fillText(text, start + 4, y + 8.5);
-      }
+      g.fillStyle = variable(stateColors[text]);
+      g.fillRect(start, top, width, 16 * px);
+      g.fillStyle = variable("--on-state");
+      if (width > g.measureText(text).width + 8 * px) g.fillText(text, start + 4 * px, top + 8.5 * px);
       i = k + 1;
     }
   });
-  g.fillStyle = variable("--muted");
-  timeAxis(g, w, h, from);
-  if (cursor !== null) drawCursor(g, x(end - cursor), 0, h - 18);
-  label(states, `States over time. Now: ${targets.map((t) => `${t.name} ${t.history.at(-1)?.state ?? "unknown"}`).join(", ") || "no target"}`);
+  g.restore();
 }
 
-export function drawPlots(): void {
-  const end = endTime();
-  if (Number.isFinite(end)) fitSpan(end);
+let shownEnd = 0;
+// Of the plots only those in view, unless all are asked for.
+export function drawPlots(all = false): void {
+  shownEnd = endTime();
+  if (Number.isFinite(shownEnd)) fitSpan(shownEnd);
+  else shownEnd = 0;
   for (const { plot, figure } of drawn)
     figure.hidden = plot.of === "camera" ? store.trackedCameras.size === 0 : plot.of === "target" && store.targets.size === 0 && store.trackedCameras.size > 0;
-  drawStates(Number.isFinite(end) ? end : 0);
-  for (const d of drawn) drawPlot(d, Number.isFinite(end) ? end : 0);
+  drawStates(shownEnd);
+  for (const d of drawn) if (!d.figure.hidden && (all || !isHidden(d.figure))) drawPlot(d, shownEnd);
 }
 
 // The value nearest to the cursor, or the newest; NaN: there is none.
@@ -404,7 +368,7 @@ let rowHeight = "";
 export function updatePlotTexts(): void {
   const quiet = silence();
   const end = endTime();
-  for (const { plot, canvas, now } of drawn) {
+  for (const { plot, chart, now } of drawn) {
     const isPast = cursor !== null || paused !== null;
     const isSilent = !isPast && (plot.isStatus ? !isServing() : quiet > 2);
     const isPosition = plot.title === "Position";
@@ -417,19 +381,14 @@ export function updatePlotTexts(): void {
     const shown = isPosition ? (isPast ? all.filter((_, i) => i % 3 === 0) : []) : all;
     now.replaceChildren(
       ...shown.map((s, i) => {
-        const entry = document.createElement("span");
-        entry.innerHTML = line(isPosition ? [] : (s.dash ?? []));
-        (entry.firstElementChild as SVGElement).style.color = resolve(s.color);
-        const values = isPosition ? (isPast ? ` ${all.slice(3 * i, 3 * i + 3).map(valueOf).join(" ")}` : "") : ` ${valueOf(s)}`;
+        const values = isPosition ? (isPast ? all.slice(3 * i, 3 * i + 3).map(valueOf).join(" ") : "") : valueOf(s);
         // Targets are named once, beside their states; cameras are not.
-        entry.append(plot.perTrack ? values : ` ${s.name}${values}`);
-        entry.title = s.name;
-        return entry;
+        return entry(s.name, resolve(s.color), isPosition ? [] : (s.dash ?? []), plot.perTrack ? values : `${s.name} ${values}`);
       }),
       ...(isSilent && all.length ? [quiet > 2 ? `no samples for ${Math.floor(quiet)} s` : "no samples"] : []),
     );
     const texts = all.map((s) => `${s.name} ${valueOf(s)}`);
-    label(canvas, `${plot.title} over the last ${span} seconds, ${cursor !== null ? `${cursor.toFixed(1)} s before the end` : "now"}: ${isSilent ? "no samples" : texts.join(", ") || "nothing"}`);
+    label(chart.box, `${plot.title} over the last ${span} seconds, ${cursor !== null ? `${cursor.toFixed(1)} s before the end` : "now"}: ${isSilent ? "no samples" : texts.join(", ") || "nothing"}`);
   }
   // As high as a row of plots with these texts, unless the user has chosen a height.
   const row = `${Math.max(...drawn.slice(0, 4).map((d) => d.figure.offsetHeight))}px`;
@@ -446,22 +405,9 @@ function inRecording(secondsBefore: number): string {
 // ---- The cursor: under the pointer, or moved with the arrow keys.
 function pointAt(seconds: number | null): void {
   cursor = seconds === null ? null : Math.min(span, Math.max(0, seconds));
+  for (const chart of [states, ...drawn.map((d) => d.chart)]) chart.point();
   updatePlotTexts();
-  changed();
 }
-function follow(canvas: HTMLCanvasElement, from: () => number): void {
-  canvas.addEventListener("pointermove", (event) => {
-    const r = canvas.getBoundingClientRect();
-    pointAt(span * (1 - (event.clientX - r.left - from()) / (r.width - from() - right)));
-  });
-  canvas.addEventListener("pointerleave", () => pointAt(null));
-  canvas.addEventListener("click", () => {
-    const at = cursor === null || paused ? NaN : recordedAt(cursor - silence());
-    if (canSeek() && at >= 0) seekTo(at);
-  });
-}
-for (const { canvas } of drawn) follow(canvas, () => left);
-follow(states, () => statesFrom);
 parent.addEventListener("keydown", (event) => {
   const moves: Record<string, number> = { ArrowLeft: span / 100, ArrowRight: -span / 100 };
   if (event.key === "Escape" && cursor !== null) pointAt(null);
@@ -471,9 +417,9 @@ parent.addEventListener("keydown", (event) => {
 });
 parent.addEventListener("blur", () => pointAt(null));
 
-const spans = $<HTMLSelectElement>("plot-span");
-spans.addEventListener("change", () => {
-  chosen = Number(spans.value);
+const spanChoice = $<HTMLSelectElement>("plot-span");
+spanChoice.addEventListener("change", () => {
+  chosen = Number(spanChoice.value);
   changed();
 });
 $("plot-pause").addEventListener("click", () => {
@@ -496,10 +442,15 @@ $("plot-csv").addEventListener("click", () => {
       rows.push([name(track.name), s.t.toFixed(6), s.state, ...[0, 1, 2].map((i) => number(s.p?.[i] ?? NaN, 6)), number(s.sigma, 6), number(s.speed, 4), number(s.latency, 6), number(s.residual, 3)].join());
   save(new Blob([rows.join("\n") + "\n"], { type: "text/csv" }), "huetrack.csv");
 });
-$("plot-png").addEventListener("click", () => {
-  drawPlots();
-  const shown = [{ title: "State", canvas: states }, ...drawn.filter((d) => !d.figure.hidden).map((d) => ({ title: d.figure.querySelector("b")!.textContent!, canvas: d.canvas }))];
-  const scale = Math.min(devicePixelRatio, 2);
+$("plot-png").addEventListener("click", async () => {
+  drawPlots(true);
+  await null; // uPlot draws at the end of this task
+  const charts = [
+    { title: `State of ${tracks().map((t) => t.name).join(", ")}`, chart: states },
+    ...drawn.filter((d) => !d.figure.hidden).map(({ figure, chart }) => ({ title: figure.querySelector("b")!.textContent!, chart })),
+  ];
+  const shown = charts.flatMap(({ title, chart }) => (chart.u ? [{ title, canvas: chart.u.ctx.canvas }] : []));
+  const scale = devicePixelRatio;
   const title = 22 * scale;
   const width = Math.max(...shown.map((s) => s.canvas.width));
   const sheet = Object.assign(document.createElement("canvas"), { width, height: shown.reduce((sum, s) => sum + s.canvas.height + title, 0) });
