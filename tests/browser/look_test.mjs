@@ -309,6 +309,31 @@ async function doubts(address) {
   say("doubts and empty states are said");
 }
 
+// A page that begins says of nothing that it is missing before it can know.
+async function begins(browser, address) {
+  const sizes = [[640, 480], [640, 480]];
+  room(sizes);
+  status(sizes);
+  const beat = setInterval(() => status(sizes), 500);
+  const page = await browser.newPage({ viewport: { width: 1400, height: 900 } });
+  await page.addInitScript(() => {
+    window.said = [];
+    const look = () => {
+      const missing = document.body?.innerText.match(/No service[^.]*|No bridge|No huetrackd[^.]*|bridge does not answer/i);
+      if (missing) window.said.push(missing[0]);
+      requestAnimationFrame(look);
+    };
+    requestAnimationFrame(look);
+  });
+  await page.goto(address);
+  await until("it is live", async () => (await page.textContent("#link")) === "Live");
+  for (const tool of ["teach", "adjust", "calibrate", "recordings"]) await openTool(page, tool);
+  assert.deepEqual(await page.evaluate(() => window.said), []);
+  clearInterval(beat);
+  await page.close();
+  say("a page begins");
+}
+
 // Warnings are a line a kind, the worst first, without words of a command line; what cannot be followed is not advised.
 async function notices(address) {
   const sizes = [[640, 480], [640, 480]];
@@ -691,7 +716,8 @@ async function test() {
   await new Promise((resolve) => bridge.listen(0, "127.0.0.1", resolve));
   const address = `http://127.0.0.1:${bridge.address().port}/`;
   const browser = await launch();
-  const what = (options.only ?? "shapes,fits,doubts,notices,waits,teaching,tools,steps,costs").split(",");
+  const what = (options.only ?? "begins,shapes,fits,doubts,notices,waits,teaching,tools,steps,costs").split(",");
+  if (what.includes("begins")) await begins(browser, address);
   if (what.includes("shapes")) await shapes(address);
   if (what.includes("fits")) await fits(address);
   if (what.includes("doubts")) await doubts(address);

@@ -6,7 +6,7 @@ import { updateHistory, whenStepped } from "./history";
 import type { Color, ControlReply } from "./messages";
 import { setOptions } from "./options";
 import { isOpen, onTool, refuse, show as showTool } from "./shell";
-import { isServing, mayChange, store } from "./store";
+import { isServing, mayChange, store, withoutService } from "./store";
 
 const $ = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 const field = (id: string) => $<HTMLInputElement>(`adjust-${id}`);
@@ -188,7 +188,7 @@ export function openTargets(): void {
 // Once a second.
 export function updateAdjust(serving: boolean): void {
   const { scene } = store;
-  refuse("adjust", !serving || !scene ? "No service is connected." : mayChange() ? "" : scene.why_not);
+  refuse("adjust", !serving || !scene ? withoutService() : mayChange() ? "" : scene.why_not);
   if (!isOpen("adjust") || !scene || !serving || !mayChange()) return;
   listCameras(scene.cameras.map((c) => c.name));
   $<HTMLDetailsElement>("adjust-names").open ||= !scene.targets.length;

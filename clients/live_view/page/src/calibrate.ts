@@ -8,7 +8,7 @@ import type { ControlReply } from "./messages";
 import { setOptions } from "./options";
 import { save } from "./save";
 import { isOpen, onTool, refuse, show as showTool } from "./shell";
-import { serviceOf, store } from "./store";
+import { serviceOf, store, withoutService } from "./store";
 
 const $ = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 const field = (id: string) => $<HTMLInputElement>(`calibrate-${id}`);
@@ -51,6 +51,7 @@ let needs: string[] = [];
 let asked = -Infinity;
 let isAsking = false;
 let service = "";
+let answered = ""; // the service that the texts are of
 let why = ""; // why nothing can be calibrated
 let isSure = false; // a doubtful result was confirmed once
 let isPrinting = false;
@@ -326,6 +327,8 @@ async function accept(): Promise<void> {
 export function updateCalibration(serving: boolean): void {
   const now = serving && store.scene ? serviceOf(store.scene) : "";
   if (now !== service) {
+    if (now && now !== answered) say(""); // a verdict of another run
+    answered = now || answered;
     service = now;
     state = null;
     why = "";
@@ -336,7 +339,7 @@ export function updateCalibration(serving: boolean): void {
   if (isLive && !isAsking && performance.now() - asked >= period && !document.hidden) void look();
   const isRunning = isBusy() && word("state") !== "idle";
   $("calibrate-open").toggleAttribute("data-lamp", isRunning);
-  refuse("calibrate", !serving || !store.scene ? "No service is connected." : !isLive ? "A recording is not calibrated on this page." : why);
+  refuse("calibrate", !serving || !store.scene ? withoutService() : !isLive ? "A recording is not calibrated on this page." : why);
   if (isOpen("calibrate")) show();
 }
 

@@ -7,7 +7,7 @@ import { remember, setting } from "./settings";
 import { forPictures, openTool } from "./shell";
 import { write } from "./text";
 import { isHidden, watchVisibility } from "./visibility";
-import { store, targetOf } from "./store";
+import { isConnecting, store, targetOf } from "./store";
 
 // What a tool draws on a camera's picture, or in its place. Pixels are those of the camera's image.
 export interface Placed {
@@ -657,7 +657,7 @@ export function updateCameras(serving: boolean): void {
       const size = store.scene?.cameras.find((c) => c.name === camera.name)?.size;
       if (size) shape(view, size);
       const why = !serving
-        ? "No service sends pictures."
+        ? isConnecting() ? "" : "No service sends pictures."
         : health === "delivering" || isHeld
           ? "Waiting for its first picture."
           : `No picture: the camera is ${healthWords[health] ?? health}.`;

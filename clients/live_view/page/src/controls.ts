@@ -5,7 +5,7 @@ import { enable } from "./hints";
 import { updateHistory, whenStepped } from "./history";
 import { drawLight } from "./light";
 import { isOpen, onTool, refuse, show } from "./shell";
-import { isServing, mayChange, serviceOf, store } from "./store";
+import { isServing, mayChange, serviceOf, store, withoutService } from "./store";
 
 const $ = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 
@@ -149,7 +149,7 @@ function fill(): void {
 
 function whyNot(serving: boolean): string {
   const { scene, status } = store;
-  if (!serving || !scene) return "No service is connected.";
+  if (!serving || !scene) return withoutService();
   if (!mayChange()) return scene.why_not;
   if (status?.mode !== "run") return "A recording's cameras have no controls.";
   return reachable && !reachable.size ? "These cameras are on the network or on other hosts: they are set in their own programs." : "";

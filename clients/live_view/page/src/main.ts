@@ -7,7 +7,7 @@ import { Scene3d } from "./scene3d";
 import {
   client,
   forget,
-  isServing,
+  isConnecting, isServing,
   largestSigma,
   secondsOfSilence,
   store,
@@ -107,6 +107,7 @@ function listen(): void {
     renew(...parts);
   };
   events.onerror = () => {
+    store.connectedAt = 0;
     store.connected = false; // EventSource tries again by itself, but for some answers of a server
     tick();
     renew(...parts);
@@ -117,7 +118,9 @@ function listen(): void {
   };
   on<Pulse>("pulse", (pulse) => (store.pulse = pulse));
   on<Status>("status", (status) => {
+    const was = isServing();
     if (takeStatus(status)) forgetPictures();
+    if (!was) tick();
     renew(cards);
   });
   on<Scene>("scene", (scene) => {
@@ -392,9 +395,12 @@ function tick(): void {
   const link = $("link");
   const justBegun = store.rates.length < 3; // statuses: no rate is known yet
   const isStuck = serving && !justBegun && status!.mode === "run" && status!.set_rate_hz < 0.05;
-  link.dataset.link = !store.connected ? "bad" : serving && !isStuck ? "good" : "warn";
-  write(link, !store.connected ? "No bridge" : serving ? "Live" : "No service");
-  const service = !store.connected
+  const connecting = isConnecting();
+  link.dataset.link = connecting ? "warn" : !store.connected ? "bad" : serving && !isStuck ? "good" : "warn";
+  write(link, connecting ? "Connecting" : !store.connected ? "No bridge" : serving ? "Live" : "No service");
+  const service = connecting
+    ? ""
+    : !store.connected
     ? "The bridge does not answer. Trying again."
     : serving
       ? status!.mode === "held"
@@ -412,7 +418,7 @@ function tick(): void {
   write($("no-scene"), store.scene
     ? "The cameras' poses are unknown: they are drawn here after the calibration."
     : "Cameras, volume and targets are drawn here once a service publishes them.");
-  write($("no-cameras"), serving ? "Pictures are awaited; they come while this page is looked at." : "No service sends pictures.");
+  write($("no-cameras"), serving || connecting ? "Pictures are awaited; they come while this page is looked at." : "No service sends pictures.");
   updateCameras(serving);
   fitTargets();
   updateHealth(serving);
@@ -430,6 +436,7 @@ function tick(): void {
 // Why there is no position yet.
 function awaited(serving: boolean): string {
   const { status, pulse } = store;
+  if (isConnecting()) return "";
   if (!store.connected) return "Positions continue when the bridge is back.";
   if (!serving || !status)
     return `No huetrackd was found on DDS domain ${pulse?.domain ?? 0}. Start says how to start one.`;

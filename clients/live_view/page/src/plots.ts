@@ -379,21 +379,20 @@ export function updatePlotTexts(): void {
     };
     // One entry for a target's three coordinates.
     const shown = isPosition ? (isPast ? all.filter((_, i) => i % 3 === 0) : []) : all;
-    now.replaceChildren(
-      ...shown.map((s, i) => {
-        const values = isPosition ? (isPast ? all.slice(3 * i, 3 * i + 3).map(valueOf).join(" ") : "") : valueOf(s);
-        // Targets are named once, beside their states; cameras are not.
-        return entry(s.name, resolve(s.color), isPosition ? [] : (s.dash ?? []), plot.perTrack ? values : `${s.name} ${values}`);
-      }),
-      ...(isSilent && all.length ? [quiet > 2 ? `no samples for ${Math.floor(quiet)} s` : "no samples"] : []),
-    );
+    const entries = shown.map((s, i) => {
+      const values = isPosition ? (isPast ? all.slice(3 * i, 3 * i + 3).map(valueOf).join(" ") : "") : valueOf(s);
+      // Targets are named once, beside their states; cameras are not.
+      return entry(s.name, resolve(s.color), isPosition ? [] : (s.dash ?? []), plot.perTrack ? values : `${s.name} ${values}`);
+    });
+    now.replaceChildren(...(!isSilent ? entries : all.length ? [quiet > 2 ? `no samples for ${Math.floor(quiet)} s` : "no samples"] : []));
     const texts = all.map((s) => `${s.name} ${valueOf(s)}`);
     label(chart.box, `${plot.title} over the last ${span} seconds, ${cursor !== null ? `${cursor.toFixed(1)} s before the end` : "now"}: ${isSilent ? "no samples" : texts.join(", ") || "nothing"}`);
   }
-  // As high as a row of plots with these texts, unless the user has chosen a height.
+  $("plot-cursor").textContent = cursor === null ? "" : `at −${cursor.toFixed(2)} s${inRecording(cursor)}`;
+  // As high as a row of plots with these texts, unless the user has chosen a height. It stays while nothing comes.
+  if (quiet > 2 && rowHeight) return;
   const row = `${Math.max(...drawn.slice(0, 4).map((d) => d.figure.offsetHeight))}px`;
   if (row !== rowHeight && row !== "0px") document.documentElement.style.setProperty("--row", (rowHeight = row));
-  $("plot-cursor").textContent = cursor === null ? "" : `at −${cursor.toFixed(2)} s${inRecording(cursor)}`;
 }
 
 // The cursor's time in the recording that is replayed; a click goes there.

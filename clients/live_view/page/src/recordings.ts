@@ -2,7 +2,7 @@
 import { ask, askAloud, say } from "./control";
 import { enable } from "./hints";
 import { isOpen, onTool, refuse } from "./shell";
-import { isServing, serviceOf, store } from "./store";
+import { isServing, serviceOf, store, withoutService } from "./store";
 import { write } from "./text";
 
 const $ = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
@@ -29,7 +29,7 @@ export function updateRecordings(): void {
     say(says, "");
     show([], false);
   }
-  refuse("recordings", now ? why : "No service is connected.");
+  refuse("recordings", now ? why : withoutService());
   // Closed, only whether it records is shown.
   const isDue = performance.now() - asked >= (state && isOpen("recordings") ? askEvery : askRarely);
   if (now && isDue && !isAsking && !document.hidden) void refresh();

@@ -8,7 +8,7 @@ import { drawLight } from "./light";
 import { lightTrouble } from "./notices";
 import { setting, remember } from "./settings";
 import { hide, isOpen, onTool, openTool, show } from "./shell";
-import { isServing, mayChange, store } from "./store";
+import { isServing, mayChange, settled, store } from "./store";
 import { openTeaching } from "./teach";
 
 const $ = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
@@ -138,7 +138,7 @@ function stepsNow(): Step[] {
   return [cameras(), exposure(lights), calibration(), color(), track()];
 }
 
-const settled = 2000; // ms after the connection: what is tracked already has come by then
+// What is tracked already has come by then.
 const isDue = () => !hasTracked && store.connected && performance.now() - store.connectedAt > settled && !setting("steps-closed", false);
 
 // Once a second.

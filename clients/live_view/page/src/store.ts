@@ -47,7 +47,7 @@ export const client = Array.from(crypto.getRandomValues(new Uint8Array(8)), (b) 
 
 export const store = {
   connected: false, // to the bridge
-  connectedAt: 0, // performance.now()
+  connectedAt: Infinity, // performance.now(); Infinity: not yet; 0: the connection broke
   pulse: null as Pulse | null,
   status: null as Status | null,
   times: null as CameraTimes | null,
@@ -238,6 +238,12 @@ export const mayChange = (): boolean => !!store.scene?.may_teach;
 export function isServing(): boolean {
   return store.connected && store.status !== null && performance.now() - store.statusHeard < 4000;
 }
+
+// Until the bridge has told what there is, since the page or its connection began.
+export const settled = 2000; // ms
+export const isConnecting = (): boolean => !isServing() && performance.now() - store.connectedAt < settled;
+// Why nothing can be done.
+export const withoutService = (): string => (isConnecting() ? "Connecting…" : "No service is connected.");
 
 // Since the last position or pose of all; Infinity: there was none.
 export function secondsOfSilence(): number {

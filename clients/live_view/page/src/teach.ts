@@ -9,7 +9,7 @@ import type { Color, Ignore, Scene, TaughtCamera, TeachReply } from "./messages"
 import { setOptions } from "./options";
 import { send } from "./requests";
 import { isOpen, onTool, refuse, show, toast } from "./shell";
-import { client, serviceOf, store } from "./store";
+import { client, serviceOf, store, withoutService } from "./store";
 
 const $ = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 
@@ -464,7 +464,7 @@ export function openTeaching(target: string): void {
 
 function whyNot(): string {
   const { scene } = store;
-  if (!scene || !store.connected) return "No service is connected.";
+  if (!scene || !store.connected) return withoutService();
   if (!scene.may_teach) return scene.why_not;
   return scene.targets.length ? "" : "There is no target yet: add one under Targets.";
 }
@@ -473,7 +473,7 @@ export function updateTeach(serving: boolean): void {
   const { scene } = store;
   const isShown = isOpen("teach");
   const was = panel.hasAttribute("data-refused");
-  if (serving || !isShown || !pictures.length) refuse("teach", serving ? whyNot() : "No service is connected.");
+  if (serving || !isShown || !pictures.length) refuse("teach", serving ? whyNot() : withoutService());
   updateTargets();
   updateRadius();
   // Another service does not have these pictures.
