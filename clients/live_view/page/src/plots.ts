@@ -4,7 +4,7 @@ import { likeBefore, lineColorOf, variable } from "./color";
 import { canSeek, recordedAt, seekTo } from "./playback";
 import { save } from "./save";
 import { historySeconds, indexAt, isServing, secondsOfSilence, store, tracks, type Rates, type Sample, type ViewSample } from "./store";
-import { label } from "./text";
+import { label, write } from "./text";
 import { isHidden, watchVisibility } from "./visibility";
 
 type Timed = { t: number };
@@ -96,6 +96,7 @@ interface Drawn {
   chart: Chart;
   now: HTMLElement;
   colors: string[]; // of the series
+  written: string; // what `now` is made of
 }
 const drawn: Drawn[] = [];
 const $ = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
@@ -203,6 +204,7 @@ class Chart {
   draw(key: string, height: number, data: uPlot.AlignedData, options: () => Contents): void {
     const width = this.box.clientWidth;
     if (width < 100) return; // not laid out yet
+    key += end(); // uPlot keeps the words of an axis whose range stays
     if (key !== this.key) {
       this.key = key;
       this.u?.destroy();
@@ -247,7 +249,7 @@ for (const plot of plots) {
       `<span class="key">${["x", "y", "z"].map((axis, i) => `${line(dashes[i])} ${axis}`).join(" ")}</span>`,
     );
   parent.append(figure);
-  drawn.push({ plot, figure, chart: new Chart(figure.querySelector(".chart")!), now: figure.querySelector(".now")!, colors: [] });
+  drawn.push({ plot, figure, chart: new Chart(figure.querySelector(".chart")!), now: figure.querySelector(".now")!, colors: [], written: "" });
   watchVisibility(figure, () => changed());
 }
 
@@ -368,8 +370,10 @@ let rowHeight = "";
 export function updatePlotTexts(): void {
   const quiet = silence();
   const end = endTime();
-  for (const { plot, chart, now } of drawn) {
-    const isPast = cursor !== null || paused !== null;
+  let isChanged = false;
+  const isPast = cursor !== null || paused !== null;
+  for (const d of drawn) {
+    const { plot, chart, now } = d;
     const isSilent = !isPast && (plot.isStatus ? !isServing() : quiet > 2);
     const isPosition = plot.title === "Position";
     const all = plot.series();
@@ -377,6 +381,13 @@ export function updatePlotTexts(): void {
       const v = isSilent ? NaN : valueAt(s, endOf(plot, end));
       return Number.isFinite(v) ? v.toFixed(Math.abs(v) < 10 ? (isPosition && isPast ? 3 : 2) : 1) : "–";
     };
+    const texts = all.map((s) => `${s.name} ${valueOf(s)}`);
+    const silent = isSilent && all.length ? (quiet > 2 ? `no samples for ${Math.floor(quiet)} s` : "no samples") : "";
+    label(chart.box, `${plot.title} over the last ${span} seconds, ${cursor !== null ? `${cursor.toFixed(1)} s before the end` : "now"}: ${isSilent ? "no samples" : texts.join(", ") || "nothing"}`);
+    const written = [isPast, silent, ...texts, ...all.map((s) => s.color)].join();
+    if (written === d.written) continue;
+    d.written = written;
+    isChanged = true;
     // One entry for a target's three coordinates.
     const shown = isPosition ? (isPast ? all.filter((_, i) => i % 3 === 0) : []) : all;
     const entries = shown.map((s, i) => {
@@ -384,13 +395,11 @@ export function updatePlotTexts(): void {
       // Targets are named once, beside their states; cameras are not.
       return entry(s.name, resolve(s.color), isPosition ? [] : (s.dash ?? []), plot.perTrack ? values : `${s.name} ${values}`);
     });
-    now.replaceChildren(...(!isSilent ? entries : all.length ? [quiet > 2 ? `no samples for ${Math.floor(quiet)} s` : "no samples"] : []));
-    const texts = all.map((s) => `${s.name} ${valueOf(s)}`);
-    label(chart.box, `${plot.title} over the last ${span} seconds, ${cursor !== null ? `${cursor.toFixed(1)} s before the end` : "now"}: ${isSilent ? "no samples" : texts.join(", ") || "nothing"}`);
+    now.replaceChildren(...(isSilent ? [silent] : entries));
   }
-  $("plot-cursor").textContent = cursor === null ? "" : `at −${cursor.toFixed(2)} s${inRecording(cursor)}`;
+  write($("plot-cursor"), cursor === null ? "" : `at −${cursor.toFixed(2)} s${inRecording(cursor)}`);
   // As high as a row of plots with these texts, unless the user has chosen a height. It stays while nothing comes.
-  if (quiet > 2 && rowHeight) return;
+  if (!isChanged || (quiet > 2 && rowHeight)) return;
   const row = `${Math.max(...drawn.slice(0, 4).map((d) => d.figure.offsetHeight))}px`;
   if (row !== rowHeight && row !== "0px") document.documentElement.style.setProperty("--row", (rowHeight = row));
 }
