@@ -9,6 +9,8 @@
 #include <cstdio>
 #include <exception>
 #include <iterator>
+#include <limits>
+#include <set>
 #include <vector>
 
 #include "calib/files/config_error.h"
@@ -18,6 +20,7 @@
 #include "hosts/camera_host.h"
 #include "pipeline/session.h"
 #include "publish/estimate_publisher.h"
+#include "tracks/objects_comparison.h"
 #include "tracks/track_csv.h"
 #include "tracks/truth_comparison.h"
 
@@ -138,6 +141,44 @@ Tracks tracks_or_name_swap(const CompareCommand& command) {
   }
 }
 
+// Of "ball_3": ball; of other names the name.
+std::string target_of(const std::string& name) {
+  const auto end = name.find_last_not_of("0123456789");
+  return end != name.npos && end > 0 && end + 1 < name.size() && name[end] == '_' ? name.substr(0, end) : name;
+}
+
+// Takes the tracks of targets with several objects out of `tracks`, and prints their figures. Not if the truth has
+// balls of their own names.
+void compare_objects(Tracks& tracks, const tracks::Truth& truth) {
+  std::set<std::string> targets, several;
+  for (const auto& [name, _] : tracks) {
+    const std::string target = target_of(name);
+    targets.insert(target);
+    if (target != name && !truth.targets().contains(name)) several.insert(target);
+  }
+  for (const std::string& target : several) {
+    std::vector<std::string> balls = truth.objects_of(target, targets.size() == 1);
+    if (balls.empty()) continue;
+    std::map<std::uint64_t, std::vector<object_tracking::ObjectEstimate>> sets;
+    std::uint32_t number = 0;
+    std::erase_if(tracks, [&](const auto& track) {
+      if (target_of(track.first) != target) return false;
+      for (const object_tracking::ObjectEstimate& estimate : track.second)
+        sets[estimate.set_number].emplace_back(estimate).object = number;
+      ++number;
+      return true;
+    });
+    const Eigen::Vector3d far = Eigen::Vector3d::Constant(std::numeric_limits<double>::infinity());
+    tracks::ObjectsComparison comparison(truth, std::move(balls), {-far, far});
+    for (const auto& [_, estimates] : sets) comparison.add(estimates.front().at, estimates);
+    const tracks::ObjectsFigures figures = comparison.figures();
+    std::printf("%s: %zu frame sets; %s\n", target.c_str(), sets.size(), tracks::to_text(figures).c_str());
+    if (figures.found < figures.ball_sets)
+      std::printf("%s: balls outside the volume count here: huetrackd replay --truth leaves them out\n",
+                  target.c_str());
+  }
+}
+
 // Aligns all tracks by one transform, if asked, and prints it.
 void align(Tracks& tracks, const tracks::Truth& truth, const CompareCommand& command) {
   if (command.align == truth::Freedom::none && !command.align_time) return;
@@ -180,11 +221,17 @@ void require_common_times(const Tracks& tracks, const tracks::Truth& truth, cons
 void compare(const CompareCommand& command) {
   Tracks tracks = tracks_or_name_swap(command);
   tracks::Truth truth = tracks::Truth::read(command.truth);
+  for (auto& [_, track] : tracks)
+    for (object_tracking::ObjectEstimate& estimate : track) estimate.at -= capture::duration_of(command.clock_offset_s);
+  compare_objects(tracks, truth);
+  if (tracks.empty()) {
+    if (command.align != truth::Freedom::none || command.align_time)
+      spdlog::warn("several objects were compared without alignment: --align and --align-time are for single ones");
+    return;
+  }
   std::vector<std::string> targets;
   for (const auto& [target, _] : tracks) targets.push_back(target);
   for (const auto& sentence : truth.match(targets)) spdlog::warn("{}: {}", command.truth.string(), sentence);
-  for (auto& [_, track] : tracks)
-    for (object_tracking::ObjectEstimate& estimate : track) estimate.at -= capture::duration_of(command.clock_offset_s);
   if (std::ranges::none_of(targets, [&](const std::string& name) { return truth.targets().contains(name); }))
     throw std::runtime_error(command.truth.string() + ": has none of the targets of " + command.tracks.string());
   require_common_times(tracks, truth, targets, command);

@@ -80,7 +80,7 @@ std::optional<tracks::Truth> truth_of(const config::ServiceConfig& config, const
                                       const recordings::ReplaySource& source) {
   if (command.truth.empty()) return std::nullopt;
   tracks::Truth truth = tracks::Truth::read(command.truth);
-  for (const auto& sentence : truth.match(config.dds.publisher.targets))
+  for (const auto& sentence : truth.match(config.dds.publisher.targets, config.dds.publisher.counts))
     spdlog::warn("{}: {}", command.truth.string(), sentence);
   const auto length = length_of(source);
   if (!length) return truth;  // how long it is, no file says

@@ -88,6 +88,7 @@ std::string target_text(const TargetSummary& target) {
                         1e3 * *target.outlines.radius_m, 1e3 * least_m, 1e3 * largest_m);
   }
   if (target.truth) text += "          " + tracks::to_text(*target.truth) + "\n";
+  if (target.objects_truth) text += "          " + tracks::to_text(*target.objects_truth) + "\n";
   if (target.explanation) text += "          " + truth::to_text(*target.explanation, 0) + "\n";
   return text;
 }

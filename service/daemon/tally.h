@@ -11,6 +11,7 @@
 
 #include "pipeline/output.h"
 #include "reports/tracked_sets.h"
+#include "tracks/objects_comparison.h"
 #include "tracks/truth_comparison.h"
 
 namespace huetrack::daemon {
@@ -25,9 +26,10 @@ struct TargetSummary {
   std::optional<std::uint64_t> first_tracking_set = {};  // from 1
   double first_tracking_s = 0;                           // capture time from the first set to that one
   std::optional<tracks::TruthFigures> truth = {};
-  std::optional<truth::Explanation> explanation = {};  // of most of its error
-  object_tracking::OutlineFindings outlines = {};      // radius by its outlines
-  std::string advice = {};                             // if it was never tracked, late, or perhaps something else
+  std::optional<tracks::ObjectsFigures> objects_truth = {};  // with `count`, instead of truth
+  std::optional<truth::Explanation> explanation = {};        // of most of its error
+  object_tracking::OutlineFindings outlines = {};            // radius by its outlines
+  std::string advice = {};                                   // if it was never tracked, late, or perhaps something else
 };
 
 struct CameraSummary {
@@ -56,6 +58,7 @@ class Tally final : public pipeline::Output {
   struct Target {
     TargetSummary summary;
     std::optional<tracks::TruthComparison> comparison = {};
+    std::optional<tracks::ObjectsComparison> objects = {};
     std::optional<capture::Timestamp> first_at = {};
     std::uint64_t objects_now = 0;
     void add(const object_tracking::ObjectEstimate& estimate, std::uint64_t set);

@@ -46,7 +46,19 @@ Truth Truth::read(const std::filesystem::path& file) {
   return truth;
 }
 
-std::vector<std::string> Truth::match(std::span<const std::string> targets) {
+std::vector<std::string> Truth::objects_of(std::string_view target, bool is_only_target) const {
+  std::vector<std::string> balls;
+  for (const auto& [name, _] : targets_) {
+    const bool is_own = name.starts_with(target);
+    std::string_view rest = name;
+    if (is_own) rest.remove_prefix(target.size());
+    if (rest.starts_with('_')) rest.remove_prefix(1);
+    if (is_only_target || (is_own && rest.find_first_not_of("0123456789") == rest.npos)) balls.push_back(name);
+  }
+  return balls;
+}
+
+std::vector<std::string> Truth::match(std::span<const std::string> targets, std::span<const int> counts) {
   if (targets.size() == 1 && targets_.size() == 1 && !targets_.contains(targets.front())) {
     auto only = targets_.extract(targets_.begin());
     const std::string ball = std::exchange(only.key(), targets.front());
@@ -59,9 +71,12 @@ std::vector<std::string> Truth::match(std::span<const std::string> targets) {
   for (const auto& [name, _] : targets_) names.push_back(name.empty() ? "one without a name" : name);
   const std::string balls = names.empty() ? "none" : files::joined(names);
   std::vector<std::string> sentences;
-  for (const auto& target : targets) {
-    if (targets_.contains(target)) continue;
-    sentences.push_back("the truth has no ball named " + target + ", so this target is not compared: it has " + balls);
+  for (std::size_t t = 0; t < targets.size(); ++t) {
+    const std::string& target = targets[t];
+    const bool is_several = t < counts.size() && counts[t] > 1;
+    if (targets_.contains(target) || (is_several && !objects_of(target, targets.size() == 1).empty())) continue;
+    sentences.push_back("the truth has no ball named " + target + (is_several ? " or " + target + "_1" : "") +
+                        ", so this target is not compared: it has " + balls);
   }
   return sentences;
 }

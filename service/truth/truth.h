@@ -31,9 +31,13 @@ class Truth {
   };
   const std::map<std::string, std::vector<Sample>, std::less<>>& targets() const { return targets_; }  // by time
 
-  // Assigns the truth to these targets: a single ball is renamed to a single target. Returns sentences for the user:
-  // the renaming, or the targets without a truth.
-  std::vector<std::string> match(std::span<const std::string> targets);
+  // Assigns the truth to these targets: a single ball is renamed to a single target. counts: how many objects each
+  // target has; empty: one. Returns sentences for the user: the renaming, or the targets without a truth.
+  std::vector<std::string> match(std::span<const std::string> targets, std::span<const int> counts = {});
+
+  // Names of the balls that are objects of a target with several: all, if it is the only target; else "swarm",
+  // "swarm1", "swarm_1" of swarm.
+  std::vector<std::string> objects_of(std::string_view target, bool is_only_target) const;
 
   // Where the truth can hardly be of a track from first to last (on the truth's clock) in that room: other times or
   // units. One sentence each, for the user.

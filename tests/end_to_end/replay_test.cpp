@@ -277,8 +277,12 @@ TEST_F(EndToEnd, SeveralObjectsOfOneColorHaveNamesOfTheirOwn) {
     if (line.find(",tracking,") != std::string::npos) ++tracked[line.substr(0, line.find(','))];
   ASSERT_EQ(tracked.size(), 3u) << "no fourth one, and nobody's name changes";
   for (const char* name : {"ball_1", "ball_2", "ball_3"}) EXPECT_GT(tracked[name], 200) << name;
-  EXPECT_THAT(run({HUETRACKD, "replay", three, juggling, "--no-dds"}).out,
-              HasSubstr("objects found: 3, at most 3 at once"));
+  // The truth's balls have other names: ball0, ball1, ball2.
+  const std::string truth = (juggling / "groundtruth.csv").string(), csv = write(with_one, "three.csv");
+  EXPECT_THAT(run({HUETRACKD, "replay", three, juggling, "--no-dds", "--truth", truth}).out,
+              AllOf(HasSubstr("objects found: 3, at most 3 at once"), HasSubstr("identity switches 0; MOTA 0.99")));
+  EXPECT_THAT(run({HUETRACKD, "compare", csv, truth}).out,
+              AllOf(HasSubstr("ball: "), HasSubstr("3 balls of the truth"), HasSubstr("IDF1 0.99")));
 }
 
 // The one file of clients/python, as somebody would use it, against the bridge.
