@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 #include <stdexcept>
+#include <utility>
 
 #include "calib/model/rig_yaml.h"
 
@@ -19,6 +20,7 @@ using object_tracking::CameraTimingEstimate;
 constexpr double known_latency_s = 0.002, known_readout_s = 0.003;
 // A value is logged again after a change of this many of the sigmas that were logged.
 constexpr double news_sigmas = 4;
+constexpr int averaged_intervals = 100;  // between frames: some seconds
 // m/s; above this speed, unknown timing dominates the position error.
 constexpr double moving_m_s = 0.3;
 
@@ -74,12 +76,14 @@ void CameraTimes::on_set(const pipeline::TrackedSet& set) {
   {
     const std::scoped_lock lock(mutex_);
     timing_ = best;
+    note_periods(set.frames);
     uneven_s_.resize(best.size(), 0);
     for (const auto& of_target : set.mistakes)
       for (const view_watch::Mistake& mistake : of_target)
         if (mistake.kind == view_watch::MistakeKind::uneven_times)
           for (const int c : mistake.cameras)
             uneven_s_[std::size_t(c)] = std::max(uneven_s_[std::size_t(c)], std::abs(mistake.size));
+    best = stated();
     std::vector<std::string> cameras;
     for (std::size_t c = 0; c < best.size(); ++c) {
       if (best[c].latency_sigma_s > known_latency_s)
@@ -122,10 +126,29 @@ std::vector<CameraTimingEstimate> CameraTimes::timing() const {
   return stated();
 }
 
+void CameraTimes::note_periods(const capture::FrameSet& frames) {
+  periods_.resize(rig_.cameras.size());
+  for (std::size_t c = 0; c < periods_.size() && c < frames.frames.size(); ++c) {
+    if (!frames.frames[c]) continue;
+    Period& period = periods_[c];
+    const auto before = std::exchange(period.last, frames.frames[c]->captured_at);
+    if (!before) continue;
+    period.intervals = std::min(period.intervals + 1, averaged_intervals);
+    period.mean_s += (capture::seconds(*period.last - *before) - period.mean_s) / period.intervals;
+  }
+}
+
+// A readout lasts a frame period at most. The filter's prior is a Gaussian, which excludes nothing: where wrong poses
+// or stamps drive an estimate beyond that, its covariance, which assumes them right, is too small by at least the
+// excess.
 CameraTimes::Estimates CameraTimes::stated() const {
   Estimates times = timing_;
-  for (std::size_t c = 0; c < times.size(); ++c)
-    times[c].latency_sigma_s = std::hypot(times[c].latency_sigma_s, uneven_s_[c]);
+  for (std::size_t c = 0; c < times.size(); ++c) {
+    const bool has_period = is_learning_ && periods_[c].intervals == averaged_intervals;
+    const double excess_s = has_period ? std::max(0.0, std::abs(times[c].readout_s) - periods_[c].mean_s) : 0;
+    times[c].readout_sigma_s = std::hypot(times[c].readout_sigma_s, excess_s);
+    times[c].latency_sigma_s = std::hypot(times[c].latency_sigma_s, uneven_s_[c], excess_s);
+  }
   return times;
 }
 

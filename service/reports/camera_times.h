@@ -39,7 +39,8 @@ class CameraTimes final : public pipeline::Output {
  private:
   using Estimates = std::vector<object_tracking::CameraTimingEstimate>;  // per camera of the rig
   void log_changes(const Estimates& now);
-  // timing_, whose latencies are uncertain by what the time stamps were found to vary.
+  void note_periods(const capture::FrameSet& frames);
+  // timing_, as uncertain as the time stamps were found to vary, and as it is off what a camera can have.
   Estimates stated() const;
 
   const std::filesystem::path rig_file_;
@@ -48,7 +49,13 @@ class CameraTimes final : public pipeline::Output {
   calib::CameraRig rig_;
   Estimates timing_;              // written by the tracking thread; guarded by mutex_ for other readers
   std::vector<double> uneven_s_;  // written by the tracking thread; guarded by mutex_; per camera, by its mistakes
-  Estimates logged_;              // the tracking thread's; latency sigma infinite: not logged yet
+  struct Period {
+    std::optional<capture::Timestamp> last = {};
+    double mean_s = 0;
+    int intervals = 0;
+  };
+  std::vector<Period> periods_;  // of frames; as uneven_s_
+  Estimates logged_;             // the tracking thread's; latency sigma infinite: not logged yet
   mutable std::mutex mutex_;
   std::optional<std::string> warning_;  // guarded by mutex_
   bool is_learning_ = false;            // guarded by mutex_

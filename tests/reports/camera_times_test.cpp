@@ -34,8 +34,7 @@ ObjectEstimate target_at(double speed_m_s, std::vector<CameraTimingEstimate> tim
   return e;
 }
 
-void take(CameraTimes& times, std::vector<ObjectEstimate> estimates) {
-  const capture::FrameSet frames;
+void take(CameraTimes& times, std::vector<ObjectEstimate> estimates, const capture::FrameSet& frames = {}) {
   times.on_set({.frames = frames, .estimates = estimates, .received_at = {}, .trackers = {}, .reloaded = {}});
 }
 
@@ -101,6 +100,26 @@ TEST(CameraTimes, UnevenStampsMakeTheLatencyUncertain) {
   EXPECT_THAT(times.summary(), ElementsAre(HasSubstr("cam0: latency 0.0 ms"),
                                            AllOf(HasSubstr("cam1: latency 12.0 ms +- 100.0"), HasSubstr("uneven"))));
   EXPECT_FALSE(times.rig().cameras[1].timing.latency_s);
+}
+
+// Wrong poses, for example: the filter is sure of a readout that no camera of 30 frames a second has.
+TEST(CameraTimes, AReadoutLongerThanTheFramePeriodIsNotKnown) {
+  using namespace std::chrono_literals;
+  CameraTimes times(two_cameras(), {}, false);
+  const CameraTimingEstimate impossible{
+      .latency_s = 0.012, .latency_sigma_s = 3e-4, .readout_s = -0.0637, .readout_sigma_s = 1e-3};
+  capture::FrameSet set;
+  set.frames.resize(2);
+  for (int k = 0; k < 150; ++k) {
+    set.frames[0].emplace().captured_at = set.frames[1].emplace().captured_at = capture::Timestamp(33333us * k);
+    take(times, {target_at(1, {reference, impossible})}, set);
+  }
+  EXPECT_THAT(times.warnings(), ElementsAre(HasSubstr("not known yet of cam1 (+- 30 ms)")));
+  EXPECT_THAT(times.summary()[1], AllOf(HasSubstr("readout -63.7 ms +- 30.4"), HasSubstr("not known yet")));
+  EXPECT_NEAR(times.timing()[1].readout_sigma_s, 0.0304, 1e-4);
+  EXPECT_EQ(times.timing()[0].readout_sigma_s, reference.readout_sigma_s);
+  EXPECT_FALSE(times.rig().cameras[1].timing.readout_s);
+  EXPECT_TRUE(times.rig().cameras[0].timing.readout_s);
 }
 
 // Regression: unused timing was written to the rig as exactly 0.
