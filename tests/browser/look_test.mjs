@@ -234,6 +234,11 @@ async function fits(address) {
     if ((await page.getAttribute("#time", "data-closed")) === "true") await (name === "phone" ? openTool(page, "plots") : page.click("#plots-open"));
     await until("residuals of each camera", async () => /cam0 [\d.]+, cam1 [\d.]+, cam2 [\d.]+/.test(await page.getAttribute('#plots [aria-label^="Residual of each camera"]', "aria-label")));
     await until("frames of each camera", async () => /cam0 29\.9, cam1 9\.00, cam2 29\.9, sets 29\.9/.test(await page.getAttribute('#plots [aria-label^="Frames of each camera"]', "aria-label")));
+    // Those below come when they are scrolled to.
+    for (const i of [0, 5, 7]) {
+      await page.locator("#plots figure").nth(i).scrollIntoViewIfNeeded();
+      await until(`plot ${i} is drawn`, async () => (await page.locator("#plots figure").nth(i).locator("canvas").count()) === 1);
+    }
     assert.equal(await page.isVisible("#facts"), false, "inner figures are a click away");
     await openTool(page, "steps");
     await until("the light of all is told", async () => (await page.locator("#steps .light").count()) === 3);

@@ -296,7 +296,7 @@ function drawPlot(drawn: Drawn, end: number): void {
         return [plot.zero ? low : low - pad, high + pad];
       },
     },
-    values: { space: 28, values: (_, all) => all.map((v) => String(+v.toPrecision(6))) },
+    values: { space: 22, values: (_, all) => all.map((v) => String(+v.toPrecision(6))) },
   }));
 }
 
