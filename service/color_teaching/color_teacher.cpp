@@ -498,7 +498,9 @@ void ColorTeacher::judge(TaughtView& view, std::size_t camera, const std::string
           "colour, or ignore this region",
           wider - n->wider, wider - n->wider == 1 ? "" : "s", percent(n->background_share), percent(n->object_share));
     } else {
-      text += ": no narrower range tells the two apart: choose another colour, or ignore this region";
+      text +=
+          ": no narrower range tells the two apart: choose another colour, ignore this region, or, if it is another "
+          "object to track, raise the target's count";
     }
   } else if (view.background_share > notable_share) {
     text += ", scattered in small patches: narrow it, or choose another colour";

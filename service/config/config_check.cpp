@@ -74,8 +74,11 @@ void check_object_tracking(const ServiceConfig& config, const yaml::YamlReader& 
     tracking.fail("max_particle_count", fmt::format("makes {:.0f} particles of all objects together, and {:.0f} are "
                                                     "the most: give fewer particles, or fewer targets",
                                                     particles, most_particles));
-  if (!config.targets.empty() && config.is_calibrated() && volume_coverage(config.rig, volume).by_one == 0)
-    tracking.fail("volume", "no camera of the rig sees any of it: is the volume in the rig's world frame, in metres?");
+  if (!config.targets.empty() && config.is_calibrated() && volume_coverage(config.rig, volume).by_one == 0) {
+    const std::string units = unit_mistake(config);
+    tracking.fail("volume", "no camera of the rig sees any of it: " +
+                                (units.empty() ? "is the volume in the rig's world frame, in metres?" : units));
+  }
 }
 
 void check_ignored(const ServiceConfig& config, const yaml::YamlReader& root) {

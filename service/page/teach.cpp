@@ -353,8 +353,8 @@ std::optional<double> radius_to_write(const color_teaching::Lesson& lesson, cons
 }
 
 // Advice for a colour that fails the trial. lesson: has the tried radius. is_sized: the radius is configured.
-std::string what_to_try(const color_teaching::Lesson& lesson, const calib::Camera& camera, const Eigen::Vector2d& px,
-                        const object_tracking::Volume& volume, bool is_sized) {
+std::string what_to_try(const color_teaching::Lesson& lesson, const ColorTrial& trial, const calib::Camera& camera,
+                        const Eigen::Vector2d& px, const object_tracking::Volume& volume, bool is_sized) {
   constexpr double mm = 1e3;
   const double tried_mm = mm * lesson.target.radius_m;
   if (!config::meets_volume(camera, px, volume))
@@ -367,7 +367,9 @@ std::string what_to_try(const color_teaching::Lesson& lesson, const calib::Camer
         "the search accepts only objects of about the configured radius, {:g} mm, but the pictures show {:.0f} mm: use "
         "that with --radius, or correct radius_m",
         tried_mm, mm * *lesson.radius.radius_m);
-  return "give its place in every camera (--at), or where it is larger, or in another frame" +
+  const bool is_elsewhere = trial.is_sure && trial.at_point && lesson.target.count == 1;
+  return std::string(is_elsewhere ? "if that is another such object, raise the target's count; else " : "") +
+         "give its place in every camera (--at), or where it is larger, or in another frame" +
          (is_sized ? fmt::format("; or radius_m, {:g} mm, is wrong{}", tried_mm,
                                  lesson.radius.radius_m ? ": --radius uses the measured one" : "")
                    : std::string());
@@ -382,7 +384,7 @@ bool holds_on_recording(const color_teaching::Lesson& lesson, const TeachCommand
   const bool holds = trial.is_sure && (trial.is_found() || lesson.accepted.empty());
   if (command.accept && !holds) {
     fmt::print(stderr, "huetrackd: nothing is saved: with the learnt colour, {}: {}\n", words,
-               what_to_try(lesson, config.rig.cameras[std::size_t(seen.point.camera)], seen.point.px,
+               what_to_try(lesson, trial, config.rig.cameras[std::size_t(seen.point.camera)], seen.point.px,
                            config.object_tracking.volume, !config.unsized_targets.contains(lesson.target.name)));
     return false;
   }

@@ -472,6 +472,14 @@ TEST_F(ServiceConfigFile, ADefaultVolumeOutOfSightIsNamedByItsWholeKey) {
   EXPECT_THAT(error(ball), HasSubstr("c.yaml:1: object_tracking.volume: no camera of the rig sees any of it"));
 }
 
+TEST_F(ServiceConfigFile, ARigInMillimetresIsNamedAsTheReasonForAVolumeOutOfSight) {
+  calib::CameraRig rig = calib::read_rig(folder_ / "rig.yaml");
+  for (auto& camera : rig.cameras) camera.cam_from_world.translation *= 1000;
+  calib::write_rig(rig, folder_ / "rig.yaml");
+  EXPECT_THAT(error(ball), AllOf(HasSubstr("no camera of the rig sees any of it: the cameras stand up to "),
+                                 HasSubstr(" m apart: is the rig in millimetres? Write it in metres")));
+}
+
 // What one camera sees is not at 0 to 2 m of any axis: its world may begin at the camera.
 TEST_F(ServiceConfigFile, OneCameraSearchesWhatItSees) {
   calib::CameraRig rig = calib::read_rig(folder_ / "rig.yaml");

@@ -163,6 +163,18 @@ TEST_F(Teach, AcceptTriesTheColourBeforeItIsWritten) {
   EXPECT_FALSE(fs::exists(taught));
 }
 
+TEST_F(Teach, WhereAnotherObjectOfTheColourIsTrackedItNamesCount) {
+  const fs::path three = fs::path(HUETRACK_SHARED_DATA) / "rendered/juggling";
+  if (!fs::exists(three)) GTEST_SKIP() << three << " is not there";
+  std::ofstream(config) << "version: 1\nrig: " << (three / "rig.yaml").string()
+                        << "\ntargets: {ball: {radius_m: 0.036}}\ndds: {enabled: false}\n";
+  const Result result = run({"teach", config, three.string(), "--at", "cam0,0,367,287", "--accept"});
+  EXPECT_EQ(result.status, 1);
+  EXPECT_THAT(result.err,
+              HasSubstr("px away from the point in cam0: if that is another such object, raise the target's count"));
+  EXPECT_THAT(result.out, HasSubstr("or, if it is another object to track, raise the target's count"));
+}
+
 // The world of the only camera begins at the camera, and half of its picture shows what is below that.
 TEST_F(Teach, OneCameraFindsWhatItSeesAndAVolumeWithoutTheObjectIsNamed) {
   const fs::path film = fs::path(HUETRACK_SHARED_DATA) / "red_pendulum/ball.mp4";
