@@ -27,13 +27,10 @@ constexpr RoomLearningTuning room_learning{};
 
 // Surveys: when all patches are measured, and which fit is accepted.
 struct RoomSurveyTuning {
-  int recent = 6;                     // measurements that are judged together
-  int many = 4;                       // of those that are lost or displaced: a survey is made
+  int recent = 6;                     // measurements that are judged together, about 1 us each
   double displaced_blocks = 1.0;      // a patch farther from its prediction is displaced
   double min_share = 0.5;             // of the observable patches that must agree with a rotation
   double most_share = 0.8;            // of the patches: "most"; a fit with fewer inliers may be a zoom
-  double calm_rate_hz = 6;            // measurements per second and camera, about 1 us each
-  double alert_rate_hz = 40;          // the same while something may be happening
   int calm_pause_ms = 1000;           // between fits; between measurements of replaced patches; until a view is lost
   int alert_ms = 5000;                // how long an alert lasts; small turns that follow so soon are one sagging
   int settling_ms = 150;              // between surveys after news, and between two that are to agree
@@ -43,6 +40,9 @@ struct RoomSurveyTuning {
 constexpr RoomSurveyTuning room_survey{};
 constexpr Duration settling = milliseconds(room_survey.settling_ms);
 constexpr Duration calm_pause = milliseconds(room_survey.calm_pause_ms), alert = milliseconds(room_survey.alert_ms);
+// Measurements per second and camera: what is judged together takes a pause, in an alert as long as a view settles.
+constexpr double calm_rate_hz = 1e3 * room_survey.recent / room_survey.calm_pause_ms;
+constexpr double alert_rate_hz = 1e3 * room_survey.recent / room_survey.settling_ms;
 // Between surveys without news; between hurries; until a kept room is given up.
 constexpr Duration max_pause = 2 * calm_pause;
 
@@ -247,8 +247,7 @@ void CameraWatch::watch(const Luma& luma, Timestamp at, std::span<const Occluder
   }
   const double since_s = last_at_ ? std::clamp(capture::seconds(at - *last_at_), 0.0, 1.0) : 0;
   const bool is_fast = at < alert_until_ || at < hurry_until_;
-  due_ = std::min(due_ + since_s * (is_fast ? room_survey.alert_rate_hz : room_survey.calm_rate_hz),
-                  double(watched_.size()));
+  due_ = std::min(due_ + since_s * (is_fast ? alert_rate_hz : calm_rate_hz), double(watched_.size()));
   for (; due_ >= 1; due_ -= 1) {
     Watched& watched = watched_[next_];
     // layout: coprime steps, so that consecutive patches are apart in the image, because one person is not everywhere
@@ -395,7 +394,7 @@ void CameraWatch::judge_change(Timestamp at) {
 void CameraWatch::hurry(Timestamp at) {
   if (++off_in_a_row_ < 2 || at < next_hurry_) return;
   next_hurry_ = at + max_pause;
-  hurry_until_ = at + capture::duration_of(room_survey.recent / room_survey.alert_rate_hz);
+  hurry_until_ = at + settling;
 }
 
 void CameraWatch::note_innovation(const Watched& watched, Timestamp at) {
@@ -430,10 +429,11 @@ bool CameraWatch::is_suspicious() const {
     ++found;
     sum += of_patch.off_px;
   }
-  if (off >= room_survey.many) return true;
+  const auto are_many = [](int count) { return count > room_survey.min_share * room_survey.recent; };
+  if (are_many(off)) return true;
   // All but one: noise does that once in ten days.
-  if (is_defocused_ ? blurred < room_survey.many : blurred >= room_survey.recent - 1) return true;
-  return found >= room_survey.many && (sum / found).norm() > room_turn.repeat_blocks * scale_;
+  if (is_defocused_ ? !are_many(blurred) : blurred >= room_survey.recent - 1) return true;
+  return are_many(found) && (sum / found).norm() > room_turn.repeat_blocks * scale_;
 }
 
 std::optional<RotationFit> CameraWatch::fit_all(const Luma& luma, Timestamp at, const Aim& from,
@@ -611,7 +611,7 @@ std::optional<Aim> CameraWatch::relocate(const Luma& luma, std::span<const Occlu
 
 // Fits the measurements of the last round over all patches.
 void CameraWatch::fit_recent(Timestamp at) {
-  const double rate = at < alert_until_ ? room_survey.alert_rate_hz : room_survey.calm_rate_hz;
+  const double rate = at < alert_until_ ? alert_rate_hz : calm_rate_hz;
   const Duration recent = capture::duration_of(double(watched_.size()) / rate);
   std::vector<SeenRay> seen;
   int observable = 0;
