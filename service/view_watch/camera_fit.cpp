@@ -16,9 +16,7 @@ struct CameraFitTuning {
   double huber_sigmas = 2;       // robust loss: farther away a sample counts by its distance
   double radii_apart = 12;       // of the target, between independent samples: shade shifts all of one place alike
   double usual_turn_rad = 0.05;  // prior of a turn, 1 sigma: a tripod that was knocked
-  double max_turn_rad = 0.26;    // 15 degrees
   double max_zoom = 1.6;         // focal length over the rig's, or the rig's over it
-  double min_noise2 = 0.2;       // least share of the expected variance that is really noise: shade does not average
 };
 constexpr CameraFitTuning camera_fit{};
 
@@ -153,11 +151,8 @@ std::optional<BestTurn> best_turn(const PairComparison& comparison, const std::v
   Residuals<3> off = residuals_at(turn);
   const double without = samples.share() * off.cost();
   double cost = without, damping = first_damping, moved_rad = 0;
-  bool is_too_far = false;
   const auto try_step = [&](const Vector3d& by) {
     const Quaterniond there = turn * turn_by(by);
-    is_too_far = rotation_vector(there).norm() > camera_fit.max_turn_rad;
-    if (is_too_far) return false;
     Residuals<3> off_there = residuals_at(there);
     const double cost_there = samples.share() * off_there.cost() + prior(there);
     if (cost_there >= cost) return false;
@@ -169,11 +164,10 @@ std::optional<BestTurn> best_turn(const PairComparison& comparison, const std::v
     step.normal += Eigen::Matrix3d::Identity() / prior_variance;
     step.right -= rotation_vector(turn) / prior_variance;
     const bool is_better = take_step(step, damping, try_step);
-    if (is_too_far) return std::nullopt;
     if (!is_better || moved_rad < settled_rad) break;
   }
   // The expected variances are upper limits: the noise is estimated from what the turn leaves.
-  const double noise2 = std::clamp(off.cost() / double(samples.size()), camera_fit.min_noise2, 1.0);
+  const double noise2 = std::clamp(off.cost() / double(samples.size()), pair_sampling.least_noise2, 1.0);
   return BestTurn{rotation_vector(turn), (without - cost) / noise2};
 }
 

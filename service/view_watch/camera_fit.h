@@ -16,7 +16,7 @@ struct BestTurn {
   // place.
   double gain;
 };
-// nullopt: none within 15 degrees.
+// nullopt: there are no samples.
 std::optional<BestTurn> best_turn(const PairComparison& comparison, const std::vector<Track>& tracks,
                                   std::size_t camera, const TimeSigmas& times);
 

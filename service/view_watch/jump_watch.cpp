@@ -4,13 +4,13 @@
 #include <limits>
 #include <utility>
 
+#include "object_tracking/sighting.h"
 #include "view_watch/pair_residuals.h"
 
 namespace huetrack::view_watch {
 namespace {
 
 struct JumpTuning {
-  double least_radii = 5;         // of a jump, in every view: 0.2 m for a ball of 4 cm
   double times_the_speed = 5;     // of the steps before and after it; a throw, a bounce is as fast beside it
   double most_scale = 2;          // of the object in a view: half as far away; smaller ones are specks of its colour
   std::size_t longest_run = 2;    // jumps without a smooth step in between: one picture out of place
@@ -48,13 +48,13 @@ void JumpWatch::look(std::span<const object_tracking::SeenRegion> regions, doubl
   if (views < tuning.least_cameras) return;
   steps_.push_back(step);
   if (steps_.size() > tuning.longest_run + 2) steps_.pop_front();
-  // A run of large steps that has just ended, with a small one of the tracked object on either side: what flickers in
-  // its colour has none.
+  // A run of steps that are larger than the object, in every view that has just ended, with a small one of the tracked
+  // object on either side: what flickers in its colour has none.
   for (std::size_t run = 1; run <= tuning.longest_run && steps_.size() >= run + 2; ++run) {
     const auto first = steps_.end() - 1 - static_cast<std::ptrdiff_t>(run);
     const double beside = std::max((first - 1)->speed, steps_.back().speed);
     const auto is_jump = [&](const Step& s) {
-      return s.radii > tuning.least_radii && s.speed > tuning.times_the_speed * beside;
+      return s.radii > object_tracking::sighting_tuning.extent_radii && s.speed > tuning.times_the_speed * beside;
     };
     if (!(first - 1)->is_of_target || !steps_.back().is_of_target || !std::all_of(first, steps_.end() - 1, is_jump))
       continue;

@@ -25,7 +25,6 @@ constexpr PairNoiseTuning pair_noise{};
 
 struct LatenessSearchTuning {
   double max_s = 0.6;             // seconds, either way
-  double step_s = 0.02;           // of the first grid: half a frame period
   std::size_t most_compared = 4;  // earlier cameras that one is compared with: all pairs of many would take too long
 };
 constexpr LatenessSearchTuning lateness_search{};
@@ -258,13 +257,13 @@ namespace {
 // Minimum of the cost on a grid that is refined twice.
 template <typename Cost>
 double least_costly_lateness(Cost cost_of) {
-  constexpr double fine_s = lateness_search.step_s / 5, finest_s = fine_s / 4;  // maths: nested grids
+  constexpr double first_s = object_tracking::time_prior.unknown_sigma_s;
+  constexpr double fine_s = first_s / 5, finest_s = fine_s / 4;  // maths: nested grids
   double best_s = 0, best = std::numeric_limits<double>::infinity();
   const auto consider = [&](double late_s) {
     if (const double cost = cost_of(late_s); cost < best) best = cost, best_s = late_s;
   };
-  for (int k = 0; k <= int(lateness_search.max_s / lateness_search.step_s); ++k)
-    consider(k * lateness_search.step_s), consider(-k * lateness_search.step_s);
+  for (int k = 0; k <= int(lateness_search.max_s / first_s); ++k) consider(k * first_s), consider(-k * first_s);
   for (const double step_s : {fine_s, finest_s}) {
     const double about_s = best_s;
     for (int k = -4; k <= 4; ++k) consider(about_s + k * step_s);

@@ -16,6 +16,7 @@ struct PairSamplingTuning {
   double window_s = 3;             // seconds that are judged together
   double longest_gap_s = 0.15;     // seconds between two samples, to interpolate between them
   std::size_t least_samples = 12;  // of a pair, to compare it; the median of fewer is noise
+  double least_noise2 = 0.2;  // share of the expected variance that is really noise, at least: shade does not average
 };
 inline constexpr PairSamplingTuning pair_sampling{};
 

@@ -41,7 +41,6 @@ struct ConsistencyTuning {
   double contradicts = 3;       // worst pair from which it is reported without explanation; best pair, twice: other rig
   double clearly_better = 0.8;  // cost of the best hypothesis in that of the second
   double per_parameter = 1.1;   // factor of the cost of a hypothesis
-  double cost_floor = 0.2;      // added to costs that are compared: below, all hypotheses are good
   int tries_at_once = 4;        // then the tests become rarer
   double max_pause_s = 16;      // between tests
   int min_times = 2;            // a mistake was found so often before it is named; an unexplained one twice as often
@@ -51,12 +50,13 @@ constexpr double forgotten_after_s = 2 * pair_sampling.window_s;  // what was fo
 constexpr double suspected_for_s = 2 * view_samples.period_s;
 
 struct TimingFaultTuning {
-  double min_late_s = 0.07;      // a stamp's error; up to that the tracker estimates latency (prior 20 ms, 1 sigma)
   double min_unlearnt_s = 0.03;  // what it has not estimated: a frame at 30 Hz; twice the precision of both
-  double sure_sigmas = 4;        // of a latency, and of a readout beyond the frame period
+  double sure_sigmas = 4;        // of a latency, of its prior, and of a readout beyond the frame period
 };
 constexpr TimingFaultTuning timing_fault{};
 constexpr double usual_below_middle = 0.5 / std::numbers::sqrt3;  // maths: 1 sigma of a row anywhere in the picture
+// A stamp's error; up to that the tracker estimates latency.
+constexpr double min_late_s = timing_fault.sure_sigmas * object_tracking::time_prior.unknown_sigma_s;
 constexpr double same_times_s = timing_fault.min_unlearnt_s / 2;
 constexpr double since_jump_s = pair_sampling.window_s / 2;  // compared after a jump
 
@@ -67,10 +67,9 @@ struct CameraFaultTuning {
 constexpr CameraFaultTuning camera_fault{};
 
 struct TargetFaultTuning {
-  double min_shared = 0.03;         // of a picture that has the target's colour
-  double times_the_target = 4;      // of what the target can cover
-  double min_outline_ratio = 0.86;  // of radii by outlines: blur and shade make them smaller by up to 6 % (experiment)
-  double max_outline_ratio = 1.1;   // the same
+  double min_shared = 0.03;     // of a picture that has the target's colour
+  double times_the_target = 4;  // of what the target can cover
+  double outline_ratio = 1.13;  // of the radius to that by outlines, either way; shade makes 6 % (experiment)
 };
 constexpr TargetFaultTuning target_fault{};
 
@@ -246,12 +245,12 @@ class FaultHypotheses {
     bool is_sure;
   };
 
-  // Parameters are penalised.
+  // Parameters are penalised. Below the noise all hypotheses are good.
   static double cost(const Answer& a) {
     const MistakeKind kind = a.mistake.kind;
     const bool has_many = kind == MistakeKind::turned || kind == MistakeKind::uneven_times;
     const bool has_one = kind == MistakeKind::late || kind == MistakeKind::zoomed;
-    return std::pow(consistency.per_parameter, has_many ? 3 : has_one ? 1 : 0) * (a.score + consistency.cost_floor);
+    return std::pow(consistency.per_parameter, has_many ? 3 : has_one ? 1 : 0) * (a.score + pair_sampling.least_noise2);
   }
 
   // Of two cameras, exchanging left and right of either explains the views: near a plane of symmetry both do equally.
@@ -341,14 +340,13 @@ bool is_of_rig(MistakeKind kind) {
 }
 
 std::pair<double, double> radius_range(const object_tracking::OutlineFindings& outlines) {
-  return {outlines.least_radius_m / target_fault.max_outline_ratio,
-          outlines.largest_radius_m / target_fault.min_outline_ratio};
+  return {outlines.least_radius_m / target_fault.outline_ratio, outlines.largest_radius_m * target_fault.outline_ratio};
 }
 
 bool contradict_radius(const object_tracking::OutlineFindings& outlines, double radius_m) {
   const double ratio = outlines.largest_radius_m / outlines.least_radius_m;
-  return outlines.largest_radius_m * ratio < target_fault.min_outline_ratio * radius_m ||
-         outlines.least_radius_m / ratio > target_fault.max_outline_ratio * radius_m;
+  return outlines.largest_radius_m * ratio * target_fault.outline_ratio < radius_m ||
+         outlines.least_radius_m > ratio * target_fault.outline_ratio * radius_m;
 }
 
 ViewWatch::ViewWatch(const calib::CameraRig& rig, const object_tracking::TargetOptions& target)
@@ -566,7 +564,7 @@ bool ViewWatch::correct_times(Mistake& found, double now_s) {
   const bool is_jump = corrections_ > 0 && is_unlearnt && time_shifts_ != shifts_when_corrected_;
   if (is_jump) found.kind = MistakeKind::uneven_times, found.size = largest_s;
   const bool is_mistake =
-      is_jump || std::abs(found.size) >= timing_fault.min_late_s || (found.kind == MistakeKind::late && is_unlearnt);
+      is_jump || std::abs(found.size) >= min_late_s || (found.kind == MistakeKind::late && is_unlearnt);
   const auto is_near = [](double a, double b) { return std::abs(a - b) < same_times_s; };
   if (other_times_ && now_s - other_times_->found_s < forgotten_after_s &&
       std::ranges::equal(other_times_->late_s, found.extra_latency_s, is_near)) {
@@ -625,7 +623,7 @@ std::optional<Mistake> ViewWatch::of_learnt_times() const {
   for (std::size_t c = 0; c < n; ++c) {
     const double off_s = -time_shifts_[c] - in_time_s;
     // A latency that the rig states leaves less to drivers.
-    const double least_s = rig_.cameras[c].timing.latency_s ? timing_fault.min_unlearnt_s : timing_fault.min_late_s;
+    const double least_s = rig_.cameras[c].timing.latency_s ? timing_fault.min_unlearnt_s : min_late_s;
     if (!is_known(c) || std::abs(off_s) < least_s) continue;
     if (worst && std::abs(worst->size) >= std::abs(off_s)) continue;
     worst = Mistake{.kind = MistakeKind::late, .cameras = {int(c)}, .size = off_s};
