@@ -10,14 +10,12 @@ namespace huetrack::outline {
 namespace {
 
 struct BackgroundTuning {
-  int max_count = 16;              // pictures; then the mean forgets exponentially: 0.5 s at 30 Hz (experiment)
   float gate_sigmas = 5;           // a value within so many standard deviations of the mean is the same background
   float min_gate = 8;              // grey values; the gate's lower limit (experiment)
   int count_lost_per_outlier = 2;  // pictures by which a value beyond the gate lowers the count (experiment)
   float min_light_noise = 0.7f;    // grey values, 1 sigma; quantisation alone is 0.3
   float min_chroma_noise = 0.5f;   // grey values, 1 sigma
   double noise_kept = 0.98;        // of the noise statistics, from tile to tile
-  int rare_period = 4;             // learn_all(): a well known tile is updated in one of so many pictures
   std::uint32_t known_count = 4;   // updates of a tile; with fewer it is hardly known
   int min_tiles = 2;               // updated near the object, per picture
   int max_tiles = 5;               // the same, of a large object
@@ -26,12 +24,12 @@ struct BackgroundTuning {
   int pictures_to_see_all = 30;    // after which every tile was updated once: 1 s at 30 Hz
 };
 constexpr BackgroundTuning background_tuning{};
-constexpr int settled_count = background_tuning.max_count / 2;  // the mean is good enough to measure the noise
-constexpr int margin_px = Background::tile_px / 2;              // around the object, of what is learnt first
-constexpr double tile_reach_px = 0.7 * Background::tile_px;     // maths: half a tile's diagonal
-constexpr double mean_abs_of_normal = 0.798;                    // maths: E|x| = sqrt(2 / pi) sigma
-constexpr double min_noise_samples = 500;                       // maths: 4 % of the noise, 1 sigma
-constexpr int full_share = 1 << 15;                             // layout: shares of 16 bits
+constexpr int settled_count = background_noise.max_count / 2;  // the mean is good enough to measure the noise
+constexpr int margin_px = Background::tile_px / 2;             // around the object, of what is learnt first
+constexpr double tile_reach_px = 0.7 * Background::tile_px;    // maths: half a tile's diagonal
+constexpr double mean_abs_of_normal = 0.798;                   // maths: E|x| = sqrt(2 / pi) sigma
+constexpr double min_noise_samples = 500;                      // maths: 4 % of the noise, 1 sigma
+constexpr int full_share = 1 << 15;                            // layout: shares of 16 bits
 
 constexpr int size = Background::tile_px;
 constexpr int tile_samples = size * size;
@@ -49,14 +47,14 @@ inline __attribute__((always_inline)) Deviations update_of(const std::int16_t* _
   // Gain of a mean over so many pictures, this one included, in 2^-15; at most 1/2.
   alignas(64) std::int16_t share[n], off[n], settled[n];
   alignas(64) std::int32_t whole[n];
-  std::uint8_t fewest = background_tuning.max_count;
+  std::uint8_t fewest = background_noise.max_count;
   for (int i = 0; i < n; ++i) fewest = counts[i] < fewest ? counts[i] : fewest;
-  if (fewest + 1 >= background_tuning.max_count) {  // all samples are known
-    for (int i = 0; i < n; ++i) share[i] = full_share / background_tuning.max_count;
+  if (fewest + 1 >= background_noise.max_count) {  // all samples are known
+    for (int i = 0; i < n; ++i) share[i] = full_share / background_noise.max_count;
   } else {
     for (int i = 0; i < n; ++i) whole[i] = counts[i];
     for (int i = 0; i < n; ++i) {
-      const int more = whole[i] + 1 < background_tuning.max_count ? whole[i] + 1 : background_tuning.max_count;
+      const int more = whole[i] + 1 < background_noise.max_count ? whole[i] + 1 : background_noise.max_count;
       whole[i] = static_cast<std::int32_t>(full_share / static_cast<float>(more < 2 ? 2 : more));
     }
     for (int i = 0; i < n; ++i) share[i] = static_cast<std::int16_t>(whole[i]);
@@ -71,7 +69,7 @@ inline __attribute__((always_inline)) Deviations update_of(const std::int16_t* _
     const auto far = static_cast<Number>(by < 0 ? -by : by);
     const Number is_near = far < near ? -1 : 0, is_known = of > 0 ? -1 : 0;
     const auto is_same = static_cast<Number>(is_near & is_known);
-    const auto more = static_cast<Number>(of + 1 < background_tuning.max_count ? of + 1 : background_tuning.max_count);
+    const auto more = static_cast<Number>(of + 1 < background_noise.max_count ? of + 1 : background_noise.max_count);
     const auto fewer = static_cast<Number>(of - background_tuning.count_lost_per_outlier);
     const Number is_gone = fewer <= 0 ? -1 : 0;
     const auto is_new = static_cast<Number>(~is_same & is_gone);
@@ -201,15 +199,10 @@ bool Background::accepts(const Picture& picture) {
 void Background::learn_all(const Picture& picture, const ObjectDisc* hidden, std::size_t hidden_count) {
   if (!accepts(picture)) return;
   ++pictures_;
-  ++rare_pictures_;
   const std::size_t count = std::min(slots_.size(), max_tiles);  // capacity; another part each time
   for (std::size_t i = 0; i < count; ++i) {
     next_ = (next_ + 1) % static_cast<int>(slots_.size());
-    const bool is_known = updates_[static_cast<std::size_t>(next_)].count >= static_cast<std::uint32_t>(settled_count);
-    // By rows of tiles, because neighbours share cache lines.
-    const bool is_its_turn =
-        next_ / across_ % background_tuning.rare_period == rare_pictures_ % background_tuning.rare_period;
-    if (!is_known || is_its_turn) update_tile(picture, next_, hidden, hidden_count);
+    update_tile(picture, next_, hidden, hidden_count);
   }
 }
 
@@ -242,7 +235,7 @@ void Background::learn(const Picture& picture, const ObjectDisc& object, const E
       const std::uint64_t count = std::min<std::uint64_t>(updates.count, tile_samples);
       // Fewest updates first, and among these the tile that the object reaches first.
       const auto when = static_cast<std::uint64_t>(255 * along);
-      const bool is_known = count >= static_cast<std::uint64_t>(background_tuning.max_count);
+      const bool is_known = count >= static_cast<std::uint64_t>(background_noise.max_count);
       chosen_.push_back({index, is_known ? (std::uint64_t{1} << 60) + updates.last : (count / 2 << 8) + when});
     }
   }

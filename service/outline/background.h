@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -20,7 +21,10 @@ struct ObjectDisc {
 };
 
 struct BackgroundNoiseTuning {
+  int max_count = 16;         // pictures; then the mean forgets exponentially: 0.5 s at 30 Hz (experiment)
   float initial_noise = 2.f;  // grey values, 1 sigma of one picture, until it was measured; a webcam in room light
+  float model_light = 1.5f;   // grey values by which the models of background and edge err, 1 sigma (experiment)
+  float model_chroma = 1.f;   // grey values, the same of chroma (experiment)
 };
 inline constexpr BackgroundNoiseTuning background_noise{};
 
@@ -38,7 +42,7 @@ class Background {
   // hidden: discs that are not background.
   void learn(const Picture& picture, const ObjectDisc& object, const Eigen::Vector2d& ahead_px,
              const ObjectDisc* hidden, std::size_t hidden_count);
-  // For pictures that come rarely: updates all tiles, and a quarter of those that are well known.
+  // For pictures that come rarely: updates all tiles.
   void learn_all(const Picture& picture, const ObjectDisc* hidden, std::size_t hidden_count);
   void forget();
 
@@ -51,9 +55,9 @@ class Background {
   };
   void at_pixels(const Picture& picture, const Places& at, const Values& out) const;
   void at_chroma(const Picture& picture, const Places& at, const Values& out) const;
-  // Noise of a single picture, standard deviation in grey values.
-  float light_noise() const { return light_.noise; }
-  float chroma_noise() const { return chroma_.noise; }
+  // Of a single picture, its noise and the model's error: standard deviation in grey values.
+  float light_noise() const { return std::hypot(light_.noise, background_noise.model_light); }
+  float chroma_noise() const { return std::hypot(chroma_.noise, background_noise.model_chroma); }
 
  private:
   static constexpr int samples = tile_px * tile_px;
@@ -106,7 +110,7 @@ class Background {
   Tile unknown_;  // of count 0
   std::vector<Chosen> chosen_;
   std::uint64_t pictures_ = 0;
-  int next_ = 0, unknown_tiles_ = 0, rare_pictures_ = 0;
+  int next_ = 0, unknown_tiles_ = 0;
   Noise light_{background_noise.initial_noise}, chroma_{background_noise.initial_noise};
 };
 

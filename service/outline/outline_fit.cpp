@@ -16,16 +16,13 @@ struct OutlineFitTuning {
   double reach_px = 4;           // px beyond and within the edge: 4 sigma of a soft edge
   double min_radius_px = 1.5;    // px; smaller discs are all edge
   float min_contrast = 4;        // of the object to the background, in standard deviations of a pixel
-  float model_light = 1.5f;      // grey values by which the model itself errs, 1 sigma (experiment)
-  float model_chroma = 1.f;      // grey values, the same of chroma (experiment)
   double max_misfit = 9;         // mean squared residual, in variances
   double min_visible = 0.25;     // share of the edge
   double alike_share = 0.25;     // of the samples in which what the model does not explain is alike (experiment)
   double max_shift_radii = 0.8;  // of the centre from the start
   double max_growth = 0.35;      // of log size from its prior
   double max_exposure_s = 0.04;  // seconds; longer is not possible at 25 Hz
-  double min_color_radii = 0.3;  // the object's first colour: the median over a disc of at least so many radii
-  double color_edge_px = 1.2;    // and otherwise so many px inside the edge
+  double color_edge_px = 1.2;    // the object's first colour is the median so many px inside the edge
 };
 constexpr OutlineFitTuning outline_fit{};
 constexpr double usual_loss = 0.66;  // maths: mean of robust() of a normal residual, 0.63, and of rounding
@@ -47,7 +44,6 @@ struct AppearanceLearningTuning {
   double blur_sigma = 0.05;              // between pictures of one camera; the mean is never known better
   double blur_of_light = 0.6;            // error of one picture's blur by unmodelled light: ten pictures count as one
   double min_exposure_sigma_s = 0.0005;  // seconds
-  double misfit_gain = 1.0 / 16;         // of one picture in the usual misfit: as many as in the background
   double size_sigmas = 2;                // farther from its prior, something hides a part: light is not learnt
 };
 constexpr AppearanceLearningTuning appearance_learning{};
@@ -92,8 +88,7 @@ bool OutlineFit::find_grid(const Picture& picture) {
 
 // The known colour, or the median inside. false: too few pixels.
 bool OutlineFit::find_object_color(const AppearanceModel& model) {
-  const auto shrunk =
-      static_cast<float>(std::max(outline_fit.min_color_radii, 1 - outline_fit.color_edge_px / band_.radius_px));
+  const auto shrunk = static_cast<float>(1 - outline_fit.color_edge_px / band_.radius_px);
   if (model.object.maxCoeff() > 0) {
     object_ = model.object;
   } else {
@@ -405,8 +400,7 @@ Fit OutlineFit::fit(const Picture& picture, const Background& behind, const Elli
   out.outcome = FitOutcome::too_small;
   if (!(band_.radius_px >= outline_fit.min_radius_px) || !start.centre.allFinite() || !band_.disc_from_px.allFinite())
     return out;
-  noise_ = {std::hypot(behind.light_noise(), outline_fit.model_light),
-            std::hypot(behind.chroma_noise(), outline_fit.model_chroma)};
+  noise_ = {behind.light_noise(), behind.chroma_noise()};
   if (!find_grid(picture)) return out;
   if (!sample(picture, behind, model, out)) return out;
   const double smear_sigma_px = 0.5 * movement.velocity.norm() * model.exposure_s.sigma;
@@ -487,7 +481,7 @@ void OutlineFit::learn_usual_misfit(AppearanceModel& model) const {
   if (visible_ < held_light.min_visible || has_other_size()) return;
   if (model.usual_misfit == 0) model.usual_misfit = misfit_;
   if (misfit_ > model.usual_misfit * (1 + held_light.chance_sigmas * misfit_by_chance())) return;
-  model.usual_misfit += appearance_learning.misfit_gain * (misfit_ - model.usual_misfit);
+  model.usual_misfit += (misfit_ - model.usual_misfit) / background_noise.max_count;  // as in the background
 }
 
 bool OutlineFit::learn(AppearanceModel& model) const {
