@@ -14,23 +14,21 @@ constexpr double quantile = 0.75;            // maths: of the window; the one be
 constexpr double chi_square_there = 1.3233;  // maths: 75 % quantile of chi-square with 1 dof
 
 struct EpipolarConsistencyTuning {
-  std::size_t min_residuals = 8;  // of a pair, from which the quantile is used
-  double consistent_scale2 = 4;   // variance ratio up to which a pair is consistent: rig, shading, seams (experiment)
-  double noise_scale2 = 2;        // variance ratio up to which a pair shows noise alone (experiment)
-  double gross_scale2 = 25;       // variance ratio above what occlusion or adhering colour causes (experiment)
-  double gross_nis = 12;          // 1 dof, 3.5 sigma: two such residuals in a row count at once
-  double mean_share = 1.0 / 16;   // of a new residual in a pair's running means
-  double rise_share = 1.0 / 30;   // of an excess that a residual adds to the lasting one: about 1 s at 30 fps
+  double consistent_scale2 = 4;  // variance ratio up to which a pair is consistent: rig, shading, seams (experiment)
+  double noise_scale2 = 2;       // variance ratio up to which a pair shows noise alone (experiment)
+  double gross_scale2 = 25;      // variance ratio above what occlusion or adhering colour causes (experiment)
+  double gross_nis = 12;         // 1 dof, 3.5 sigma: two such residuals in a row count at once
+  double rise_share = 1.0 / 30;  // of an excess that a residual adds to the lasting one: about 1 s at 30 fps
   double lasting_decay = 1 - 1.0 / 600;  // per residual, of the lasting excess: 20 s at 30 fps
   double negligible_share = 0.25;        // of the expected variance, below which an excess is zero
   double max_raise = 3;                  // factor by which all inflations are raised at most to cover every pair
-  double min_share = 0.1;      // of a pair's residual that a camera has at least: far away, or along the baseline
   double single_decay = 0.75;  // per frame set, of a camera's own error: a late camera's turns with the motion
-  double max_along = 10;       // variance along over across the epipolar lines: within 20 degrees of them
+  double max_along = 10;       // an error's variance over what a pair shows of it: 20 degrees off the epipolar lines
   double min_sine = 0.1;       // between two rays, below which they cannot be compared
   double place_radii = 8;      // radii between two places at which a pair was consistent
 };
 constexpr EpipolarConsistencyTuning epipolar_consistency{};
+constexpr double mean_share = 2.0 / pair_history.kept;  // of a new residual in running means, as old as the window
 
 constexpr int least_squares_steps = 40;  // capacity: multiplicative updates
 
@@ -91,8 +89,7 @@ void EpipolarConsistency::compare(std::span<const PathResidual> views, double ve
       const auto ci = std::size_t(i.camera), cj = std::size_t(j.camera);
       Pair& p = pair(ci, cj);
       if (p.noise_scale2 == 0) p.noise_scale2 = 1;
-      p.noise_scale2 +=
-          epipolar_consistency.mean_share * (seen.off_px * seen.off_px / seen.expected_px2 - p.noise_scale2);
+      p.noise_scale2 += mean_share * (seen.off_px * seen.off_px / seen.expected_px2 - p.noise_scale2);
       if (i.is_cut || j.is_cut) continue;
       note(p, seen);
       note_place(p, seen, i, j);
@@ -122,7 +119,7 @@ void EpipolarConsistency::keep(Pair& p, float square) {
 
 void EpipolarConsistency::note(Pair& p, const EpipolarResidual& seen) {
   keep(p, float(seen.off_px * seen.off_px / seen.expected_px2));
-  const double share = p.count == 0 ? 1 : std::max(epipolar_consistency.mean_share, 1 / double(p.count + 1));
+  const double share = p.count == 0 ? 1 : std::max(mean_share, 1 / double(p.count + 1));
   ++p.count;
   p.expected_px2 += share * (seen.expected_px2 - p.expected_px2);
   p.share_i += share * (seen.share_i - p.share_i);
@@ -130,7 +127,7 @@ void EpipolarConsistency::note(Pair& p, const EpipolarResidual& seen) {
   p.scale2 = scale2_of(p);
   double excess_px2 = p.scale2 > epipolar_consistency.consistent_scale2 ? (p.scale2 - 1) * p.expected_px2 : 0;
   // Only once the quantile is in use: two wrong regions are 100 px off and would last for 20 s.
-  const double rise = p.count >= epipolar_consistency.min_residuals && excess_px2 > p.lasting_px2
+  const double rise = p.count >= pair_history.min_residuals && excess_px2 > p.lasting_px2
                           ? epipolar_consistency.rise_share * (excess_px2 - p.lasting_px2)
                           : 0;
   p.lasting_px2 = epipolar_consistency.lasting_decay * p.lasting_px2 + rise;
@@ -169,7 +166,7 @@ void EpipolarConsistency::note_place(Pair& p, const EpipolarResidual& seen, cons
 // Of few residuals: their mean, with two as expected added.
 double EpipolarConsistency::scale2_of(const Pair& p) {
   const std::size_t n = std::min(p.count, pair_history.kept);
-  if (n < epipolar_consistency.min_residuals) {
+  if (n < pair_history.min_residuals) {
     double sum = 2;
     for (std::size_t k = 0; k < n; ++k) sum += double(p.squares[k]);
     return sum / double(n + 2);
@@ -189,8 +186,9 @@ bool EpipolarConsistency::explain_by_one() {
     if (p.is_consistent()) faded_px2 = std::max(faded_px2, p.excess_px2);
     any_gross = any_gross || p.excess_px2 > (epipolar_consistency.gross_scale2 - 1) * p.expected_px2;
     for (std::size_t c = 0; c < cameras_; ++c) up_[c] += c != i && c != j && !p.is_consistent() ? p.excess_px2 : 0;
-    down_[i] = std::max(down_[i], p.excess_px2 / std::max(epipolar_consistency.min_share, p.share_i));
-    down_[j] = std::max(down_[j], p.excess_px2 / std::max(epipolar_consistency.min_share, p.share_j));
+    constexpr double min_share = 1 / epipolar_consistency.max_along;
+    down_[i] = std::max(down_[i], p.excess_px2 / std::max(min_share, p.share_i));
+    down_[j] = std::max(down_[j], p.excess_px2 / std::max(min_share, p.share_j));
   });
   const auto suspects = std::ranges::count(up_, 0.0);
   if (suspects == 0) return false;

@@ -45,8 +45,9 @@ bool epipolar_residual(const PathResidual& i, const PathResidual& j, double path
 bool is_discriminating(const EpipolarResidual& seen, double radius_i_px, double radius_j_px);
 
 struct PairHistoryTuning {
-  std::size_t kept = 32;   // residuals in a pair's window: about 1 s at 30 fps
-  std::size_t places = 2;  // places at which a pair must be consistent to count as right; one occurs by chance
+  std::size_t kept = 32;          // residuals in a pair's window: about 1 s at 30 fps
+  std::size_t min_residuals = 8;  // of a pair, from which their quantile is used; until then a start settles
+  std::size_t places = 2;         // places at which a pair must be consistent to count as right; one occurs by chance
 };
 inline constexpr PairHistoryTuning pair_history{};
 

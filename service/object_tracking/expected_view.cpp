@@ -22,7 +22,7 @@ std::optional<ExpectedView> expected_in(const TargetView& view, const MotionStat
     const auto at = project_ball(*view.camera, state.position_at(out.row.at), radius_m);
     if (!at) return std::nullopt;
     out.at = *at;
-    row = std::clamp(at->px.y(), -0.5 * view.image->height, 1.5 * view.image->height);
+    row = std::clamp(at->px.y(), 0.0, view.image->height - 1.0);
   }
   return out;
 }

@@ -21,11 +21,10 @@ struct MotionTuning {
   double synced_readout_sigma_s = 0.0005;      // s, the same: mostly global shutters
   double unstated_sigma_s = 0.002;             // s, of a latency or readout that the rig states without a sigma
   double latency_walk_s2_per_s = 1e-4 * 1e-4;  // s^2/s, exposure time follows the light: 1 ms in one or two minutes
-  double min_row_sigma_s = 3e-4;  // s, shading and lamp flicker shift a row by as much, the same in every frame
-  double bias_length_m = 0.5;     // m, correlation length of the image bias: half a metre on, the light is another
-  double size_sigma = 0.02;       // of the log of the object's radius over the configured one: a millimetre of 50
-  double size_loss = 1.345;       // sigmas, Huber's loss of a measured radius: 95 % efficiency (Huber 1981)
-  double relinearize_s = 0.005;   // s, error of a time from which velocity times time must be linearised again
+  double bias_length_m = 0.5;    // m, correlation length of the image bias: half a metre on, the light is another
+  double size_sigma = 0.02;      // of the log of the object's radius over the configured one: a millimetre of 50
+  double size_loss = 1.345;      // sigmas, Huber's loss of a measured radius: 95 % efficiency (Huber 1981)
+  double relinearize_s = 0.005;  // s, error of a time from which velocity times time must be linearised again
 };
 constexpr MotionTuning motion_tuning{};
 
@@ -598,7 +597,7 @@ void MotionState::apply(const Columns& gain, const Columns& px_of_state, const E
 void MotionState::keep_times_open(const Eigen::Ref<const Eigen::VectorXd>& variances_before) {
   for (Eigen::Index i = 0; i < variances_before.size(); ++i) {
     // Of the readout by half of it, at the edge.
-    const double least_sigma = (i % 2 == 0 ? 2 : 1) * motion_tuning.min_row_sigma_s;
+    const double least_sigma = (i % 2 == 0 ? 2 : 1) * time_prior.same_sigma_s;
     double& variance = covariance_(times_at + i, times_at + i);
     variance = std::max(variance, std::min(variances_before(i), least_sigma * least_sigma));
   }

@@ -20,6 +20,7 @@ namespace huetrack::object_tracking {
 // 18 ms for a difference of two. Readout: 10 to 33 ms for rolling shutters, 0 for global ones, either sign.
 struct TimePriorTuning {
   double unknown_sigma_s = 0.020;  // s
+  double same_sigma_s = 3e-4;      // s, cameras with one trigger; shading and lamp flicker shift a row by as much
 };
 inline constexpr TimePriorTuning time_prior{};
 

@@ -1,18 +1,12 @@
 #include "object_tracking/target_views.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "color/match_tiles.h"
+#include "object_tracking/motion_state.h"
 
 namespace huetrack::object_tracking {
-namespace {
-
-struct TargetViewsTuning {
-  int trigger_jitter_ns = 50000;  // ns, capture times of triggered cameras differ by less
-};
-constexpr TargetViewsTuning target_views{};
-
-}  // namespace
 
 TargetViews::TargetViews(const calib::CameraRig& rig, const TargetOptions& target) {
   for (const calib::Camera& camera : rig.cameras) {
@@ -59,9 +53,9 @@ const color::ColorTable& TargetViews::table_for(PerCamera& camera, capture::Pixe
 }
 
 bool is_apart(const std::vector<TargetView>& views) {
-  constexpr capture::Duration trigger_jitter(target_views.trigger_jitter_ns);
   return std::ranges::any_of(views, [&](const TargetView& view) {
-    return std::chrono::abs(view.frame->captured_at - views.front().frame->captured_at) > trigger_jitter;
+    return std::abs(capture::seconds(view.frame->captured_at - views.front().frame->captured_at)) >
+           time_prior.same_sigma_s;
   });
 }
 

@@ -12,10 +12,8 @@ namespace huetrack::object_tracking {
 namespace {
 
 struct ViewConsistencyTuning {
-  unsigned search_every = 4;   // frame sets between searches of the whole image of a view that lost the object: cost
-  double speed_share = 0.25;   // of start_speed_m_s: largest velocity error that excuses an inconsistency
-  unsigned settling_sets = 8;  // frame sets after a start in which all of start_speed_m_s excuses it
-  double min_age_s = 0.08;     // s, of the regions that motion is measured against
+  double speed_share = 0.25;  // of start_speed_m_s: largest velocity error that excuses an inconsistency
+  double min_age_s = 0.08;    // s, of the regions that motion is measured against; between searches for it
 };
 constexpr ViewConsistencyTuning view_consistency{};
 
@@ -99,7 +97,8 @@ std::optional<PathResidual> ViewConsistency::residual_elsewhere(const TargetView
   const auto expected = expected_in(view, state, radius_m_);
   if (is_shared_[std::size_t(view.index)] || !expected || !view.camera->contains({expected->at.px}))
     return std::nullopt;
-  if (unseen.sets++ % view_consistency.search_every != 0 && !unseen.is_suspicious) return std::nullopt;
+  if (!unseen.is_suspicious && capture::seconds(set_at - unseen.newer_at) < view_consistency.min_age_s)
+    return std::nullopt;
   const BallProjection& at = expected->at;
   const double disc = disc_area(at.radius_px);
   const auto& regions = finders_[std::size_t(view.index)].search(
@@ -173,7 +172,6 @@ void ViewConsistency::compare(const std::vector<TargetView>& views, capture::Tim
   residuals_.clear();
   inflate(state, sightings);
   for (const Sighting& s : sightings) {
-    unseen_[std::size_t(s.row.camera)].sets = 0;
     unseen_[std::size_t(s.row.camera)].is_suspicious = false;
     if (const auto residual = residual_of(s, state)) residuals_.push_back(*residual);
   }
@@ -206,7 +204,7 @@ void ViewConsistency::compare_sightings(const MotionState& state, std::span<cons
 
 void ViewConsistency::compare_residuals(const MotionState& state) {
   // An unknown velocity excuses inconsistency after a start, but not when inconsistency is why it is unknown.
-  const double excused = ++compared_sets_ > view_consistency.settling_sets ? view_consistency.speed_share : 1.0;
+  const double excused = ++compared_sets_ > pair_history.min_residuals ? view_consistency.speed_share : 1.0;
   const double velocity_sigma =
       std::min(largest_sigma(state.velocity_covariance()), excused * options_.start_speed_m_s);
   epipolar_.compare(residuals_, velocity_sigma, options_.acceleration_m_s2);

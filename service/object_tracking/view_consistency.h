@@ -55,7 +55,6 @@ class ViewConsistency {
  private:
   // A view that should show the object and does not, or that is searched.
   struct Unseen {
-    unsigned sets = 0;                                       // consecutive
     std::vector<color::ColorRegion> older = {}, newer = {};  // of the whole image, earlier
     capture::Timestamp older_at{}, newer_at{};
     bool is_suspicious = false;  // something moved in it in the last search
@@ -72,7 +71,7 @@ class ViewConsistency {
   ObjectTrackerOptions options_;
   EpipolarConsistency epipolar_;
   std::vector<PathResidual> residuals_;                       // work space
-  unsigned compared_sets_ = 0;                                // since the object was found
+  std::size_t compared_sets_ = 0;                             // since the object was found
   std::vector<Eigen::Matrix<double, 6, 6>> pose_covariance_;  // per camera, CameraTrust
   bool has_pose_covariance_ = false;
   std::vector<Unseen> unseen_;                // per camera

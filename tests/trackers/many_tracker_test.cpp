@@ -457,7 +457,7 @@ TEST(ManyTracker, FindsABallAtRestThatOneViewDoesNotSee) {
 }
 
 TEST(FurtherObject, IsReportedWhenItStays) {
-  FurtherObject further;
+  FurtherObject further(1.5);
   const auto at = [](double s) { return capture::Timestamp{} + capture::duration_of(s); };
   const Vector3d there(0.3, 0.1, 1);
   further.note(at(0), there);
@@ -503,7 +503,7 @@ TEST(FurtherObject, IsReportedBesideTheTargetAndDoesNotAffectIt) {
   EXPECT_FALSE(further_beside({first, second}, 2));
   const auto one_more = further_beside({first, second}, 1);
   ASSERT_TRUE(one_more);
-  const double looked_at_s = 1.6;  // the last time
+  const double looked_at_s = 2.1;  // the last time
   const bool is_one_of_them =
       (*one_more - second(looked_at_s)).norm() < 0.02 || (*one_more - first(looked_at_s)).norm() < 0.02;
   EXPECT_TRUE(is_one_of_them) << one_more->transpose();

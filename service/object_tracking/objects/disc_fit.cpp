@@ -14,12 +14,12 @@ namespace {
 struct DiscFitTuning {
   int directions = 28;         // normals on which the outline is sampled; more changes nothing (experiment)
   int passes = 3;              // Gauss-Newton steps over all discs
-  double step_px = 0.5;        // px, sampling along a normal
   double edge_sigma_px = 0.5;  // px, 1 sigma of one outline point, and of the radius: pixel grid, noise, blur
-  double inside_px = 1.5;      // px, an outline point this near to another disc is hidden by it
   double window_share = 0.1;   // of the radius, half width of the search along a normal beyond 2 px and the slack
 };
 constexpr DiscFitTuning disc_fit{};
+// An outline point this near to another disc is hidden by it.
+constexpr double hidden_px = object_tracking::sighting_tuning.prediction_sigmas * disc_fit.edge_sigma_px;
 
 struct Normal {
   Eigen::Vector2d direction;
@@ -42,10 +42,10 @@ struct Outline {
 // the colour continues. Two misses in a row are an end, one is noise.
 std::optional<double> colour_ends(color::MatchBits& bits, const ExpectedDisc& disc, const Eigen::Vector2d& normal,
                                   double window_px, int& passed) {
-  const int steps = int(std::ceil(2 * window_px / disc_fit.step_px));
+  const int steps = int(std::ceil(2 * window_px / disc_fit.edge_sigma_px));
   int hits = 0, misses = 0;
   for (int i = 0; i < steps; ++i) {
-    const double off = -window_px + (i + 0.5) * disc_fit.step_px;
+    const double off = -window_px + (i + 0.5) * disc_fit.edge_sigma_px;
     const auto matches = is_matching(bits, disc.px + (disc.radius_px + off) * normal);
     if (!matches) return std::nullopt;
     if (*matches) {
@@ -57,7 +57,7 @@ std::optional<double> colour_ends(color::MatchBits& bits, const ExpectedDisc& di
   }
   if (hits >= 2 && misses < 2) ++passed;
   if (hits < 2 || misses < 2) return std::nullopt;  // it ended before, or goes on
-  return -window_px + hits * disc_fit.step_px;
+  return -window_px + hits * disc_fit.edge_sigma_px;
 }
 
 void outline_of(color::MatchBits& bits, std::span<const ExpectedDisc> discs, std::size_t which, double window_px,
@@ -71,7 +71,7 @@ void outline_of(color::MatchBits& bits, std::span<const ExpectedDisc> discs, std
     const Eigen::Vector2d on_outline = disc.px + disc.radius_px * normal;
     const bool is_inside_another = [&] {
       for (std::size_t o = 0; o < discs.size(); ++o) {
-        if (o != which && (discs[o].px - on_outline).norm() < discs[o].radius_px + disc_fit.inside_px) return true;
+        if (o != which && (discs[o].px - on_outline).norm() < discs[o].radius_px + hidden_px) return true;
       }
       return false;
     }();

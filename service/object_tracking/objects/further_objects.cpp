@@ -6,15 +6,6 @@ namespace huetrack::objects {
 
 using namespace object_tracking;
 
-namespace {
-
-struct FurtherObjectTuning {
-  double delay_s = 1.5;  // s, seen or gone in two searches so far apart: what crosses the room does not stay
-};
-constexpr FurtherObjectTuning further_object{};
-
-}  // namespace
-
 void FurtherObject::note(capture::Timestamp set_at, const std::optional<Eigen::Vector3d>& seen_at) {
   if (seen_at && published_) published_ = seen_at;
   if (seen_at.has_value() == published_.has_value()) {
@@ -22,7 +13,7 @@ void FurtherObject::note(capture::Timestamp set_at, const std::optional<Eigen::V
     return;
   }
   if (!since_ || set_at < *since_) since_ = set_at;
-  if (capture::seconds(set_at - *since_) < further_object.delay_s) return;
+  if (capture::seconds(set_at - *since_) < delay_s_) return;
   published_ = seen_at;
   since_.reset();
 }
@@ -51,7 +42,7 @@ void FurtherObjectWatch::look(const std::vector<TargetView>& views, std::span<co
   nothing_since_.reset();
   if (views.size() < 2) return;
   if (looked_at_ && set_at < *looked_at_) looked_at_.reset(), is_second_ = false;
-  if (!is_second_ && looked_at_ && capture::seconds(set_at - *looked_at_) < further_object.delay_s) return;
+  if (!is_second_ && looked_at_ && capture::seconds(set_at - *looked_at_) < options_.coast_s) return;
   find_others(views, state, search);
   std::vector<CoveredDisc> covered;
   add_covered(views, sightings, state.position(), target_.radius_m, covered);

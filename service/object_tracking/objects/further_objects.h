@@ -18,24 +18,31 @@
 
 namespace huetrack::objects {
 
-// Hysteresis: published once seen for some time, until gone for as long. thread-compatible.
+// Hysteresis: published once seen for delay_s, until gone for as long. thread-compatible.
 class FurtherObject {
  public:
+  explicit FurtherObject(double delay_s) : delay_s_(delay_s) {}
+
   // The result of each search; times ascend.
   void note(capture::Timestamp set_at, const std::optional<Eigen::Vector3d>& seen_at);
   const std::optional<Eigen::Vector3d>& published() const { return published_; }  // nullopt: none
 
  private:
+  double delay_s_;
   std::optional<Eigen::Vector3d> published_;
   std::optional<capture::Timestamp> since_;  // seen or gone since then, unlike what is published
 };
 
-// While one object is tracked in a room that does not share its colour: every 1.5 s, searches whole images in two frame
-// sets for a birth (object_births.h) whose existence is sure. thread-compatible.
+// While one object is tracked in a room that does not share its colour: every
+// ObjectTrackerOptions::coast_s, searches whole images in two frame sets for a birth (object_births.h) whose existence
+// is sure. thread-compatible.
 class FurtherObjectWatch {
  public:
   FurtherObjectWatch(const object_tracking::TargetOptions& target, const object_tracking::ObjectTrackerOptions& options)
-      : target_(target), options_(options), births_(of_several(target), options, options.volume) {}
+      : target_(target),
+        options_(options),
+        births_(of_several(target), options, options.volume),
+        further_(options.coast_s) {}
 
   // The target was tracked in this set by these sightings.
   void look(const std::vector<object_tracking::TargetView>& views, std::span<const object_tracking::Sighting> sightings,

@@ -23,9 +23,10 @@ struct ObjectFilterTuning {
   double highest_acceleration_factor = 4;  // of the configured acceleration
   double acceleration_growth = 1.5;        // of one step of covariance matching
   double acceleration_settling = 0.05;     // logarithm of its change per unit of NIS and set (experiment)
-  double usual_nis = 3;  // above it the acceleration is raised; twice that at the highest one is a bounce, hit or throw
-  double outlier_nis_ratio = 3;  // by which leaving out one inconsistent view must reduce the NIS
-  float farthest_d2 = 50;        // of the linearised likelihood: keeps weights of far particles finite
+  // Above it the acceleration is raised, and leaving out one inconsistent view must reduce it by as much; twice that at
+  // the highest acceleration is a bounce, hit or throw.
+  double usual_nis = 3;
+  float farthest_d2 = 50;  // of the linearised likelihood: a view that is farther off counts alike for all particles
   double least_ess_share = 0.1;  // of the particles; below it their weights are not used
 };
 constexpr ObjectFilterTuning object_filter{};
@@ -201,7 +202,7 @@ void ObjectFilter::remove_inconsistent_view(std::vector<Sighting>& sightings) {
   const std::vector<Sighting> all = sightings;
   std::vector<Sighting> best;
   // The others must be consistent, and much more so than with it: a swerve affects some views more than others.
-  double least_nis = std::min(object_filter.usual_nis, mean_nis() / object_filter.outlier_nis_ratio);
+  double least_nis = std::min(object_filter.usual_nis, mean_nis() / object_filter.usual_nis);
   for (std::size_t i = 0; i < all.size(); ++i) {
     sightings = all;
     sightings.erase(sightings.begin() + static_cast<std::ptrdiff_t>(i));

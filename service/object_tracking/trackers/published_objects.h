@@ -21,7 +21,7 @@ namespace huetrack::object_trackers {
 class PublishedObjects {
  public:
   PublishedObjects(const object_tracking::TargetOptions& target, const object_tracking::ObjectTrackerOptions& options)
-      : target_(target), options_(options) {}
+      : target_(target), options_(options), further_(options.coast_s) {}
 
   // The estimates of one set, in the order that ObjectTracker::update() states. times: a filter without an object,
   // which keeps the cameras' timing.

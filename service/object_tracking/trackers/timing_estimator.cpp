@@ -73,7 +73,7 @@ std::vector<Eigen::Vector3d> TimingEstimator::smooth_velocities() const {
     const SeenSet& before = seen_sets_[std::size_t(std::max<std::ptrdiff_t>(0, i - 2))];
     const SeenSet& after = seen_sets_[std::size_t(std::min(count - 1, i + 2))];
     const double dt = capture::seconds(after.estimated_at - before.estimated_at);
-    out.push_back(dt > 0 && dt < timing_tuning.longest_smoothing_s
+    out.push_back(dt > 0 && dt < sighting_tuning.confirmation_s
                       ? Eigen::Vector3d((after.position - before.position) / dt)
                       : seen_sets_[std::size_t(i)].velocity);
   }

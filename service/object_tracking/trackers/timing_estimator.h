@@ -16,12 +16,11 @@
 namespace huetrack::object_trackers {
 
 struct TimingEstimatorTuning {
-  double at_rest_m_s = 0.3;          // slower, timing hardly matters: 6 mm at 20 ms
-  double open_time_s = 2e-3;         // 1 sigma; at usual speeds, some m/s, as many mm as all else leaves open
-  std::size_t most_sets = 300;       // ten seconds at 30 sets a second; a pass over them takes some 10 ms
-  int passes = 3;                    // of the iterated filter (experiment)
-  int sets_until_again = 75;         // moving ones after which it is linearised again
-  double longest_smoothing_s = 0.3;  // of path over which velocities are averaged
+  double at_rest_m_s = 0.3;     // slower, timing hardly matters: 6 mm at 20 ms
+  double open_time_s = 2e-3;    // 1 sigma; at usual speeds, some m/s, as many mm as all else leaves open
+  std::size_t most_sets = 300;  // ten seconds at 30 sets a second; a pass over them takes some 10 ms
+  int passes = 3;               // of the iterated filter (experiment)
+  int sets_until_again = 75;    // moving ones after which it is linearised again
 };
 inline constexpr TimingEstimatorTuning timing_tuning{};
 
