@@ -474,7 +474,8 @@ TEST_F(ServiceConfigFile, ADefaultVolumeOutOfSightIsNamedByItsWholeKey) {
 
 TEST_F(ServiceConfigFile, ARigInMillimetresIsNamedAsTheReasonForAVolumeOutOfSight) {
   calib::CameraRig rig = calib::read_rig(folder_ / "rig.yaml");
-  for (auto& camera : rig.cameras) camera.cam_from_world.translation *= 1000;
+  for (auto& camera : rig.cameras)  // the volume is behind all of them
+    camera.cam_from_world.translation = 1000 * camera.cam_from_world.translation - Eigen::Vector3d(0, 0, 1e5);
   calib::write_rig(rig, folder_ / "rig.yaml");
   EXPECT_THAT(error(ball), AllOf(HasSubstr("no camera of the rig sees any of it: the cameras stand up to "),
                                  HasSubstr(" m apart: is the rig in millimetres? Write it in metres")));
