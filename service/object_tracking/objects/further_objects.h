@@ -33,9 +33,8 @@ class FurtherObject {
   std::optional<capture::Timestamp> since_;  // seen or gone since then, unlike what is published
 };
 
-// While one object is tracked in a room that does not share its colour: every
-// ObjectTrackerOptions::coast_s, searches whole images in two frame sets for a birth (object_births.h) whose existence
-// is sure. thread-compatible.
+// While one object is tracked in a room that does not share its colour: every ObjectTrackerOptions::coast_s, searches
+// whole images in two frame sets for a birth (object_births.h) whose existence is sure. thread-compatible.
 class FurtherObjectWatch {
  public:
   FurtherObjectWatch(const object_tracking::TargetOptions& target, const object_tracking::ObjectTrackerOptions& options)

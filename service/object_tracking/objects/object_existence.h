@@ -1,6 +1,5 @@
 // Existence probability of a track: integrated probabilistic data association (IPDA; Musicki, Evans, Stankovic 1994)
-// with hard association. State: log-odds of target
-// over clutter. The clutter's density: clutter_map.h.
+// with hard association. State: log-odds of target over clutter. The clutter's density: clutter_map.h.
 #pragma once
 
 #include <Eigen/Core>
