@@ -1,5 +1,5 @@
-// Compares the objects of one target (`count`) with a ground truth of several balls, whose names say nothing of which
-// is which.
+// Compares the objects of one target (`count`) with a ground truth of several balls. Objects and balls are matched by
+// distance, not by name.
 #pragma once
 
 #include <Eigen/Geometry>

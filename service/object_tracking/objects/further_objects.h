@@ -34,7 +34,7 @@ class FurtherObject {
 };
 
 // While one object is tracked in a room that does not share its colour: every ObjectTrackerOptions::coast_s, searches
-// whole images in two frame sets for a birth (object_births.h) whose existence is sure. thread-compatible.
+// whole images in two frame sets for a birth (object_births.h) with confirmed existence. thread-compatible.
 class FurtherObjectWatch {
  public:
   FurtherObjectWatch(const object_tracking::TargetOptions& target, const object_tracking::ObjectTrackerOptions& options)

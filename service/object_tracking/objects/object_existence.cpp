@@ -40,7 +40,8 @@ struct SeenAs {
   double log_odds;  // of the object over clutter
   Eigen::Vector3d step;
   Eigen::Matrix3d covariance;
-  Eigen::Matrix2d chance_px2;
+  Eigen::Vector2d d;       // innovation
+  Eigen::Matrix2d spread;  // its covariance
 };
 
 std::optional<SeenAs> seen_as(const ExpectedPlace& expected, const Sighting& s, double radius_m,
@@ -63,8 +64,7 @@ std::optional<SeenAs> seen_as(const ExpectedPlace& expected, const Sighting& s, 
   const double log_odds =
       std::log(detection.probability / clutter.density(camera, s.px, near_radii(still) * in_view->radius_px)) +
       clutter.log_ratio(camera, s.evidence) + log_density(d, spread, in_view->radius_px);
-  return SeenAs{log_odds, gain * d, expected.covariance - gain * by * expected.covariance,
-                association_px2(spread, d, 1 / (1 + (1 - detection.probability) * std::exp(-log_odds)))};
+  return SeenAs{log_odds, gain * d, expected.covariance - gain * by * expected.covariance, d, spread};
 }
 
 struct Evidence {
@@ -94,7 +94,11 @@ Evidence evidence_of(ExpectedPlace expected, std::span<const Sighting> sightings
       evidence.chance.push_back(open[which]->row.camera);
     } else {
       of_seen += likeliest->log_odds;
-      if (still.is_room_shared()) evidence.doubts.emplace_back(open[which]->row.camera, likeliest->chance_px2);
+      if (still.is_room_shared()) {
+        const double probability = 1 / (1 + (1 - detection.probability) * std::exp(-likeliest->log_odds));
+        evidence.doubts.emplace_back(open[which]->row.camera,
+                                     association_px2(likeliest->spread, likeliest->d, probability));
+      }
       expected.position += likeliest->step;
       expected.covariance = likeliest->covariance;
     }

@@ -204,7 +204,7 @@ class Chart {
   draw(key: string, height: number, data: uPlot.AlignedData, options: () => Contents): void {
     const width = this.box.clientWidth;
     if (width < 100) return; // not laid out yet
-    key += end(); // uPlot keeps the words of an axis whose range stays
+    key += end(); // uPlot keeps the labels of an axis while its range is the same
     if (key !== this.key) {
       this.key = key;
       this.u?.destroy();
@@ -392,7 +392,7 @@ export function updatePlotTexts(): void {
     const shown = isPosition ? (isPast ? all.filter((_, i) => i % 3 === 0) : []) : all;
     const entries = shown.map((s, i) => {
       const values = isPosition ? (isPast ? all.slice(3 * i, 3 * i + 3).map(valueOf).join(" ") : "") : valueOf(s);
-      // Targets are named once, beside their states; cameras are not.
+      // Targets are named once, next to their states; cameras are not.
       return entry(s.name, resolve(s.color), isPosition ? [] : (s.dash ?? []), plot.perTrack ? values : `${s.name} ${values}`);
     });
     now.replaceChildren(...(isSilent ? [silent] : entries));

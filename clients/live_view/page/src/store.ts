@@ -239,7 +239,7 @@ export function isServing(): boolean {
   return store.connected && store.status !== null && performance.now() - store.statusHeard < 4000;
 }
 
-// Until the bridge has told what there is, since the page or its connection began.
+// For a moment after the page or its connection began: the bridge has not reported a service yet.
 export const settled = 2000; // ms
 export const isConnecting = (): boolean => !isServing() && performance.now() - store.connectedAt < settled;
 // Why nothing can be done.
