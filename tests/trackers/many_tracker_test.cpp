@@ -329,6 +329,43 @@ TEST(StaticClutterMask, ACrowdedViewMakesTheRoomShareTheColour) {
   EXPECT_FALSE(is_shared_after(40, 60));
 }
 
+// A ball is between furniture of its colour from the first set on: nobody has seen what is behind it. What it uncovers
+// may look as it did, until it is seen without the ball.
+TEST(StaticClutterMask, WhatAnObjectUncoversIsAsItsSurroundings) {
+  const Vector3d place(0, 0, 1);
+  scene::SceneBuilder builder;
+  builder.cameras_on_ring({.count = 2});
+  builder.ball({.path = [&](double) { return place; }});
+  for (const double dz : {-0.38, 0.38})
+    builder.ball({.radius_m = 0.3, .path = [&, dz](double) { return Vector3d(place + Vector3d(0, 0, dz)); }});
+  const scene::Scene scene = builder.build();
+  TargetViews views(scene.rig, limes(1));
+  StaticClutterMask mask(scene.rig.cameras.size(), 1);
+  std::vector<Sighting> ball;
+  for (std::size_t c = 0; c < scene.rig.cameras.size(); ++c) {
+    const auto in_view = project_ball(scene.rig.cameras[c], place, 0.04);
+    Sighting& s = ball.emplace_back();
+    s.row.camera = int(c), s.camera = &scene.rig.cameras[c];
+    s.px = in_view->px, s.radius_px = in_view->radius_px;
+    mask.set_sizes(c, 0.8 * in_view->radius_px, 1.2 * in_view->radius_px, scene.rig.cameras[c].image_size);
+  }
+  const Sighting& s = ball[0];
+  const auto learn = [&](std::span<const capture::FrameSet> sets, std::span<const Sighting> tracked) {
+    for (const capture::FrameSet& set : sets) {
+      mask.look(views.look_at(set), set.at);
+      mask.learn(views.used(), tracked, set.at);
+    }
+    return mask.uncovered_density(0, s.px, s.radius_px);
+  };
+  const std::vector<capture::FrameSet> sets = render(scene, {.set_count = 120});
+  const double here = learn(std::span(sets).first(60), ball);
+  EXPECT_GT(here, 0.1 / disc_area(s.radius_px));
+  EXPECT_LE(here, 1 / disc_area(s.radius_px));
+  EXPECT_EQ(mask.uncovered_density(0, s.px + Eigen::Vector2d(0, 5 * s.radius_px), s.radius_px), 0);  // furniture
+  EXPECT_EQ(mask.uncovered_density(0, s.px + Eigen::Vector2d(9 * s.radius_px, 0), s.radius_px), 0);  // the room
+  EXPECT_EQ(learn(std::span(sets).last(60), {}), 0);
+}
+
 // What was usual in its pictures is forgotten with the camera, and what stands there is learnt anew.
 TEST(StaticClutterMask, IsForgottenForACameraThatMoves) {
   scene::SceneBuilder builder;

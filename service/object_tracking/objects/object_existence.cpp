@@ -45,7 +45,8 @@ struct SeenAs {
 };
 
 std::optional<SeenAs> seen_as(const ExpectedPlace& expected, const Sighting& s, double radius_m,
-                              const MotionState& times, const ClutterMap& clutter, const StaticClutterMask& still) {
+                              const MotionState& times, const ClutterMap& clutter, const StaticClutterMask& still,
+                              bool is_followed) {
   const double dt = capture::seconds(s.row.at - expected.at);
   const double late_s = times.row_sigma_s(s.row.camera, s.row.below_middle);
   const auto in_view = project_ball(*s.camera, expected.position + dt * expected.velocity, radius_m);
@@ -61,9 +62,10 @@ std::optional<SeenAs> seen_as(const ExpectedPlace& expected, const Sighting& s, 
   const Eigen::Vector2d d = s.px - in_view->px;
   const Eigen::Matrix<double, 3, 2> gain = expected.covariance * by.transpose() * spread.inverse();
   const auto camera = std::size_t(s.row.camera);
-  const double log_odds =
-      std::log(detection.probability / clutter.density(camera, s.px, near_radii(still) * in_view->radius_px)) +
-      clutter.log_ratio(camera, s.evidence) + log_density(d, spread, in_view->radius_px);
+  double of_clutter = clutter.density(camera, s.px, near_radii(still) * in_view->radius_px);
+  if (is_followed) of_clutter += still.uncovered_density(camera, s.px, in_view->radius_px);
+  const double log_odds = std::log(detection.probability / of_clutter) + clutter.log_ratio(camera, s.evidence) +
+                          log_density(d, spread, in_view->radius_px);
   return SeenAs{log_odds, gain * d, expected.covariance - gain * by * expected.covariance, d, spread};
 }
 
@@ -73,11 +75,12 @@ struct Evidence {
   std::vector<std::pair<int, Eigen::Matrix2d>> doubts = {};
 };
 
-// Sequential: each sighting updates the prediction of the next, the likeliest first. may_be_chance: a sighting whose
-// clutter likelihood exceeds its target likelihood is not used. times: the cameras' timing.
+// Sequential: each sighting updates the prediction of the next, the likeliest first. times: the cameras' timing.
+// is_followed: a sighting whose clutter likelihood exceeds its target likelihood is not used, and what the object has
+// uncovered is clutter.
 Evidence evidence_of(ExpectedPlace expected, std::span<const Sighting> sightings, const std::vector<TargetView>& views,
                      double radius_m, const MotionState& times, const ClutterMap& clutter,
-                     const StaticClutterMask& still, bool may_be_chance) {
+                     const StaticClutterMask& still, bool is_followed) {
   Evidence evidence;
   std::vector<const Sighting*> open;
   for (const Sighting& s : sightings) open.push_back(&s);
@@ -86,11 +89,11 @@ Evidence evidence_of(ExpectedPlace expected, std::span<const Sighting> sightings
     std::optional<SeenAs> likeliest;
     std::size_t which = 0;
     for (std::size_t i = 0; i < open.size(); ++i) {
-      const auto seen = seen_as(expected, *open[i], radius_m, times, clutter, still);
+      const auto seen = seen_as(expected, *open[i], radius_m, times, clutter, still, is_followed);
       if (seen && (!likeliest || seen->log_odds > likeliest->log_odds)) likeliest = seen, which = i;
     }
     if (!likeliest) break;
-    if (may_be_chance && likeliest->log_odds < 0 && may_be_clutter(*open[which], clutter, still)) {
+    if (is_followed && likeliest->log_odds < 0 && may_be_clutter(*open[which], clutter, still)) {
       evidence.chance.push_back(open[which]->row.camera);
     } else {
       of_seen += likeliest->log_odds;
@@ -105,7 +108,7 @@ Evidence evidence_of(ExpectedPlace expected, std::span<const Sighting> sightings
     open.erase(open.begin() + std::ptrdiff_t(which));
   }
   evidence.log_odds = of_seen;
-  if (may_be_chance && of_seen < 0)
+  if (is_followed && of_seen < 0)
     for (const Sighting& s : sightings) evidence.chance.push_back(s.row.camera);
   for (const TargetView& view : views) {
     const bool is_seen = std::ranges::any_of(sightings, [&](const Sighting& s) { return s.row.camera == view.index; });

@@ -56,21 +56,26 @@ color::TileAt tile_at(std::size_t index, int stride) {
   return {static_cast<std::uint16_t>(int(index) % stride), static_cast<std::uint16_t>(int(index) / stride)};
 }
 
-double covered_px(const Sighting& s) {
-  return sighting_tuning.covered_radii * s.radius_px + sighting_tuning.covered_px;
+double covered_px(double radius_px) {
+  return sighting_tuning.covered_radii * radius_px + sighting_tuning.covered_px;
+}
+
+// Share of the points on a circle for which of(u, v) holds, of those that are in an image of this size.
+double share_of_circle(const Eigen::Vector2d& px, double radius_px, int width, int height, const auto& of) {
+  int seen = 0, held = 0;
+  for (int i = 0; i < static_clutter.around_points; ++i) {
+    const double angle = 2 * std::numbers::pi * i / static_clutter.around_points;
+    const double u = px.x() + radius_px * std::cos(angle), v = px.y() + radius_px * std::sin(angle);
+    if (!(u >= 0 && v >= 0 && u < width && v < height)) continue;
+    ++seen;
+    held += of(int(u), int(v)) ? 1 : 0;
+  }
+  return double(held) / std::max(1, seen);
 }
 
 bool is_surrounded(const TargetView& view, const Sighting& s) {
-  const double reach = covered_px(s) + 1;
-  int seen = 0, matching = 0;
-  for (int i = 0; i < static_clutter.around_points; ++i) {
-    const double angle = 2 * std::numbers::pi * i / static_clutter.around_points;
-    const double u = s.px.x() + reach * std::cos(angle), v = s.px.y() + reach * std::sin(angle);
-    if (!(u >= 0 && v >= 0 && u < view.image->width && v < view.image->height)) continue;
-    ++seen;
-    matching += view.matches->at(int(u), int(v)) ? 1 : 0;
-  }
-  return matching > static_clutter.surrounded * seen;
+  return share_of_circle(s.px, covered_px(s.radius_px) + 1, view.image->width, view.image->height,
+                         [&](int u, int v) { return view.matches->at(u, v); }) > static_clutter.surrounded;
 }
 
 }  // namespace
@@ -105,6 +110,20 @@ bool StaticClutterMask::may_clip(std::size_t camera, const Eigen::Vector2d& px, 
     }
   }
   return false;
+}
+
+double StaticClutterMask::uncovered_density(std::size_t camera, const Eigen::Vector2d& px, double radius_px) const {
+  const PerCamera& in = cameras_[camera];
+  if (in.tiles.empty() || !px.allFinite()) return 0;
+  const int columns = in.stride - 2, rows = int(in.tiles.size()) / in.stride - 2;  // without the margin tiles
+  const auto share = [&](double reach_px, std::uint64_t Tile::*bits) {
+    return share_of_circle(px, reach_px, columns * grid_px, rows * grid_px, [&](int u, int v) {
+      const Tile& tile = in.tiles[std::size_t((v / grid_px + 1) * in.stride + u / grid_px + 1)];
+      return (tile.*bits >> (v % grid_px * grid_px + u % grid_px) & 1) != 0;
+    });
+  };
+  const double hidden = 1 - share(radius_px / 2, &Tile::seen);
+  return hidden == 0 ? 0 : hidden * share(covered_px(radius_px) + 1, &Tile::still) / disc_area(radius_px);
 }
 
 void StaticClutterMask::mark_clipped(std::vector<Sighting>& sightings) const {
@@ -152,7 +171,7 @@ void StaticClutterMask::learn(const std::vector<TargetView>& views, std::span<co
 void StaticClutterMask::learn_colors(const TargetView& view, PerCamera& camera) {
   if (!view.matches->has_pixels() || view.table == nullptr) return;
   discs_.clear();
-  for (const Sighting& s : covering_) discs_.push_back({s.px, covered_px(s)});
+  for (const Sighting& s : covering_) discs_.push_back({s.px, covered_px(s.radius_px)});
   if (camera.colors == nullptr) camera.colors = std::make_shared<color::RoomColors>();
   camera.colors->learn(*view.matches, *view.table, view.image->format, discs_, kept_samples);
   view.matches->set_room(camera.colors);
@@ -255,9 +274,7 @@ void StaticClutterMask::learn_pixels(const TargetView& view, PerCamera& camera, 
   const auto before = [&](int sets) {  // in the ring; 0: now
     return std::size_t((camera.sampled + kept_samples - sets) % kept_samples);
   };
-  covering_.assign(camera.may_be_objects.begin(), camera.may_be_objects.end());
-  for (const Sighting& s : tracked)
-    if (s.row.camera == view.index && !is_surrounded(view, s)) covering_.push_back(s);
+  cover(view, camera, tracked);
   for (const std::uint32_t at : camera.listed) {
     Tile& tile = camera.tiles[at];
     const color::TileAt where = tile_at(at, stride);
@@ -289,10 +306,23 @@ void StaticClutterMask::learn_pixels(const TargetView& view, PerCamera& camera, 
   if (++camera.sampled == samples) camera.may_be_objects.clear();
 }
 
+// What is behind an object is not seen, also where the object is learnt as clutter because its surroundings are.
+void StaticClutterMask::cover(const TargetView& view, PerCamera& camera, std::span<const Sighting> tracked) {
+  covering_.assign(camera.may_be_objects.begin(), camera.may_be_objects.end());
+  const std::size_t first_tracked = covering_.size();
+  for (const Sighting& s : tracked)
+    if (s.row.camera == view.index) covering_.push_back(s);
+  for (std::size_t at = 0; at < camera.tiles.size(); ++at)
+    camera.tiles[at].seen |= ~covered_in(tile_at(at, camera.stride));
+  const auto surrounded = std::ranges::remove_if(covering_.begin() + std::ptrdiff_t(first_tracked), covering_.end(),
+                                                 [&](const Sighting& s) { return is_surrounded(view, s); });
+  covering_.erase(surrounded.begin(), surrounded.end());
+}
+
 std::uint64_t StaticClutterMask::covered_in(color::TileAt tile) const {
   std::uint64_t covered = 0;
   for (const Sighting& s : covering_) {
-    const double reach = covered_px(s);
+    const double reach = covered_px(s.radius_px);
     const double du = tile.pixel_u() + tile_half_px - s.px.x(), dv = tile.pixel_v() + tile_half_px - s.px.y();
     if (std::hypot(du, dv) > reach + tile_reach_px) continue;
     for (int bit = 0; bit < 64; ++bit) {

@@ -55,6 +55,9 @@ class StaticClutterMask {
   bool is_room_shared() const { return is_room_shared_; }  // some view shows more of the colour than the objects could
   // Masked pixels are near enough to cut a region of this radius there.
   bool may_clip(std::size_t camera, const Eigen::Vector2d& px, double radius_px) const;
+  // Regions per px^2 and set, within radius_px, that an object uncovers where nothing has been seen of the room behind
+  // it, if that is as its surroundings are: they look as the object did.
+  double uncovered_density(std::size_t camera, const Eigen::Vector2d& px, double radius_px) const;
   // Sets is_cut, and adds the possible error of the centroid to the covariance.
   void mark_clipped(std::vector<object_tracking::Sighting>& sightings) const;
   const std::vector<object_tracking::ColorShare>& shares() const { return shares_; }  // per camera of the rig
@@ -65,6 +68,7 @@ class StaticClutterMask {
   struct Tile {
     std::array<std::uint64_t, kept_samples> matched{};  // per sample, a ring
     std::uint64_t still = 0;
+    std::uint64_t seen = 0;  // in some sample with no object in front
     bool is_listed = false;
     // Of masked pixels, in the light of the last sample. known: which; changed: differed in the last two samples.
     color::UsualPixels usual{};
@@ -96,6 +100,8 @@ class StaticClutterMask {
   void learn_pixels(const object_tracking::TargetView& view, PerCamera& camera,
                     std::span<const object_tracking::Sighting> tracked);
   std::uint64_t covered_in(color::TileAt tile) const;  // by covering_
+  void cover(const object_tracking::TargetView& view, PerCamera& camera,
+             std::span<const object_tracking::Sighting> tracked);  // fills covering_
   void leave_out(const object_tracking::TargetView& view, PerCamera& camera);
   void learn_usual(const object_tracking::TargetView& view, const PerCamera& camera, color::TileAt where,
                    std::uint64_t masked, Tile& tile);
