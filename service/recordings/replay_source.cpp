@@ -103,7 +103,7 @@ class Stream {
                                            : camera_.every * reader_->frame_period();
     if (is_listed_by_others()) count_frames_from_0(options);
     judge_numbers();
-    if (is_listed_by_others()) judge_listed_times();
+    if (is_listed_by_others()) judge_listed_times(options);
     if ((camera_.fps > 0 || is_listed_by_others()) && !camera_.trusts_times && mistakes_.empty())
       stated_times_.emplace(camera_, reader_->frame_period());
     begin_to_watch_order();
@@ -425,6 +425,10 @@ class Stream {
     constexpr std::int64_t error_of_a_length = 2;  // frames
     const auto stated = reader_->frame_count();
     if (stated && std::abs(*stated - camera_.timestamps.back().first) > error_of_a_length) return stated;
+    return counted_frames(options);
+  }
+
+  std::int64_t counted_frames(const ReplayOptions& options) const {
     RecordedCamera all = camera_;
     all.timestamps.clear();
     all.every = std::numeric_limits<std::int64_t>::max();  // of what is not predicted only the first is decoded
@@ -435,13 +439,34 @@ class Stream {
     return counting->position();
   }
 
-  void judge_listed_times() {
+  // Rows from 0 on, without a gap: their number, or 0.
+  std::int64_t counted_rows() const {
+    const auto& rows = camera_.timestamps;
+    const auto count = static_cast<std::int64_t>(rows.size());
+    const bool is_whole = camera_.first_frame == 0 && camera_.every == 1;
+    return is_whole && rows.front().first == 0 && rows.back().first == count - 1 ? count : 0;
+  }
+
+  void judge_number_of_rows(const ReplayOptions& options) {
+    const auto stated = reader_->frame_count();
+    const std::int64_t listed = counted_rows();
+    const auto is_one_less = [&](std::int64_t frames) { return listed > 0 && frames == listed + 1; };
+    if (!stated || (!is_one_less(*stated) && !problem_of_rows(camera_, *stated))) return;
+    const std::int64_t frames = counted_frames(options);  // some containers state a length only
+    if (const auto rows = problem_of_rows(camera_, frames)) return contradict(*rows);
+    if (is_one_less(frames))
+      warn(
+          fmt::format("{} lists all of its {} frames but the last: if it is the first row that is missing, every "
+                      "frame has the time of the one after it",
+                      camera_.times_file.filename().string(), frames));
+  }
+
+  void judge_listed_times(const ReplayOptions& options) {
     if (camera_.trusts_times) return;
     if (const auto rounding = remark_on_rounding(camera_))
       warn(camera_.times_file.filename().string() + ": " + *rounding);
     if (const auto timecode = problem_of_timecode(camera_)) throw files::ConfigError(camera_.times_file, 0, *timecode);
-    if (const auto count = reader_->frame_count())
-      if (const auto rows = problem_of_rows(camera_, *count)) contradict(*rows);
+    judge_number_of_rows(options);
     const auto problem = problem_of_listed_times(camera_, reader_->frame_period());
     if (problem && problem->is_of_unit) throw files::ConfigError(camera_.times_file, 0, problem->text);
     if (problem) {
@@ -521,9 +546,13 @@ class Stream {
     if (absent <= 0) return;
     info_.missing += absent;
     const std::int64_t first = camera_.timestamps.front().first;
-    const bool is_shifted = first > 0 && absent == first && camera_.first_frame == 0 && camera_.every == 1;
-    warn("has no frame for the last " + std::to_string(absent) + " rows of its time stamps" +
-         (is_shifted ? ", whose first row is frame " + std::to_string(first) + ": frames count from 0" : ""));
+    std::string text = absent == 1 ? "has no frame for the last row of its time stamps"
+                                   : fmt::format("has no frame for the last {} rows of its time stamps", absent);
+    if (first > 0 && absent == first && camera_.first_frame == 0 && camera_.every == 1)
+      text += fmt::format(", whose first row is frame {}: frames count from 0", first);
+    if (absent == 1 && counted_rows() > 1)
+      text += ": if a row too many is at their start, every frame has the time of the one before it";
+    warn(text);
   }
 
   // At the end, when it is known how many there were.

@@ -54,6 +54,8 @@ struct FilmTimesTuning {
   // Matroska and tables with three decimals round to the millisecond: steps between even times vary by as much.
   double rounding_s = 1.001e-3;
   double varying = 0.1;  // of the steps: fewer are those at dropped frames
+  // A table's steps differ from the film's by at most this share of what they do as it is numbered. Noise leaves 1.
+  double of_other_row = 0.5;
 };
 constexpr FilmTimesTuning film_times{};
 
@@ -300,7 +302,9 @@ void TimesBesideFilm::see(std::int64_t index, capture::Timestamp stated, capture
   if (!first_) first_ = picture;
   if (!recent_.empty()) {
     const Seen& before = recent_.back();
-    film_steps_s_.push_back((picture.film_s - before.film_s) / static_cast<double>(index - before.index));
+    const auto frames = static_cast<double>(index - before.index);
+    film_steps_s_.push_back((picture.film_s - before.film_s) / frames);
+    stated_steps_s_.push_back((picture.stated_s - before.stated_s) / frames);
   }
   recent_.push_back(picture);
   if (recent_.size() > film_times.window) recent_.pop_front();
@@ -315,6 +319,29 @@ void TimesBesideFilm::see(std::int64_t index, capture::Timestamp stated, capture
 
 void TimesBesideFilm::end() {
   if (!has_compared_ && do_vary(film_steps_s_)) compare_rates(recent_.back());
+  compare_rows();
+}
+
+// Steps that vary in the film and in the table, and are alike one row further.
+void TimesBesideFilm::compare_rows() {
+  const std::size_t steps = film_steps_s_.size();
+  if (key_ == "fps" || steps < film_times.window) return;
+  const auto difference_s = [&](std::size_t stated, std::size_t film) {
+    double squares = 0;
+    for (std::size_t k = 0; k + 1 < steps; ++k)
+      squares += std::pow(stated_steps_s_[k + stated] - film_steps_s_[k + film], 2);
+    return std::sqrt(squares / static_cast<double>(steps - 1));
+  };
+  const double as_is_s = difference_s(0, 0), missing_s = difference_s(0, 1), additional_s = difference_s(1, 0);
+  if (as_is_s < 2 * film_times.rounding_s) return;
+  if (std::min(missing_s, additional_s) > film_times.of_other_row * as_is_s) return;
+  const bool is_missing = missing_s < additional_s;
+  problems_.push_back(fmt::format(
+      "{0} gives every frame the time of the one {1} it by the film's own time stamps: {2}: correct its numbers, or "
+      "leave timestamps out to use the file's time stamps; if the table is right, add {3}",
+      name_, is_missing ? "after" : "before",
+      is_missing ? "is a row missing at its start?" : "has it a row too many at its start (a header that was counted)?",
+      how_to_confirm));
 }
 
 // What a person stated is wrong more often than a film; but it may be intended, for slow motion.
@@ -370,8 +397,9 @@ void TimesBesideFilm::look_for_gap() {
   const double stated_periods = (end.stated_s - begin.stated_s) / stated_usual_s;
   const double gap_s = end.film_s - begin.film_s - stated_periods * usual_s;
   if (gap_s < film_times.gap * usual_s) return;
-  const auto longest = std::ranges::max_element(steps_s) - steps_s.begin();
-  report_gap(std::max(1L, std::lround(gap_s / usual_s)), recent_[static_cast<std::size_t>(longest) + 1].index);
+  const auto longest = static_cast<std::size_t>(std::ranges::max_element(steps_s) - steps_s.begin());
+  if (longest == 0 || longest + 1 == steps_s.size()) return;  // that of the stated times may be a row beyond the window
+  report_gap(std::max(1L, std::lround(gap_s / usual_s)), recent_[longest + 1].index);
 }
 
 // In the middle of the window the film has a gap among even steps: how far both clocks differ, in their own usual

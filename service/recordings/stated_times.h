@@ -94,6 +94,7 @@ class TimesBesideFilm {
   void look_for_gap();
   void look_for_gap_beside_measured();
   void report_gap(long missing, std::int64_t before);
+  void compare_rows();
 
   std::string name_;  // of the times: "fps", or the table
   std::string key_;
@@ -103,7 +104,7 @@ class TimesBesideFilm {
   double film_period_s_;
   std::optional<Seen> first_;
   std::deque<Seen> recent_;
-  std::vector<double> film_steps_s_;  // from one frame to the next
+  std::vector<double> film_steps_s_, stated_steps_s_;  // from one frame to the next
   bool has_compared_ = false, has_problem_ = false;
   std::vector<std::string> problems_;
 };

@@ -15,6 +15,7 @@ MistakeReport::MistakeReport(const config::ServiceConfig& config)
 
 void MistakeReport::on_set(const pipeline::TrackedSet& set) {
   if (!first_at_) first_at_ = set.frames.at;
+  note_frames(set.frames);
   const std::scoped_lock lock(mutex_);
   const double now_s = capture::seconds(set.frames.at - *first_at_);
   std::vector<std::string> now, kinds;
@@ -32,7 +33,10 @@ void MistakeReport::on_set(const pipeline::TrackedSet& set) {
       const bool is_radius = mistake.kind == view_watch::MistakeKind::radius;
       if (is_radius && (has_rig_mistake_ || (has_moved_ && known == ever_.end()))) continue;
       are_radii.push_back(is_radius);
-      now.push_back(is_radius && has_moved_ ? known->second.sentence : mistake_text(mistake, targets_[t], cameras_));
+      view_watch::Mistake named = mistake;
+      if (mistake.kind == view_watch::MistakeKind::late && !mistake.cameras.empty())
+        named.shown_hz = frames_per_second(std::size_t(mistake.cameras.front()));
+      now.push_back(is_radius && has_moved_ ? known->second.sentence : mistake_text(named, targets_[t], cameras_));
       kinds.push_back(std::move(kind));
     }
   }
@@ -48,6 +52,24 @@ void MistakeReport::on_set(const pipeline::TrackedSet& set) {
     order_.push_back(kind);
   }
   warnings_ = std::move(now);
+}
+
+void MistakeReport::note_frames(const capture::FrameSet& frames) {
+  spans_.resize(frames.frames.size());
+  for (std::size_t c = 0; c < spans_.size(); ++c) {
+    if (!frames.frames[c]) continue;
+    const capture::Frame& frame = *frames.frames[c];
+    Span& span = spans_[c];
+    if (span.first_at == capture::Timestamp{} || frame.sequence <= span.last)
+      span.first = frame.sequence, span.first_at = frame.captured_at;
+    span.last = frame.sequence, span.last_at = frame.captured_at;
+  }
+}
+
+double MistakeReport::frames_per_second(std::size_t camera) const {
+  if (camera >= spans_.size() || spans_[camera].last_at <= spans_[camera].first_at) return 0;
+  const Span& span = spans_[camera];
+  return (span.last - span.first) / capture::seconds(span.last_at - span.first_at);
 }
 
 void MistakeReport::on_config(const config::ServiceConfig& config) noexcept {

@@ -36,6 +36,14 @@ class MistakeReport final : public pipeline::Output {
     bool is_radius = false;
   };
 
+  struct Span {                         // of a camera's frames
+    std::uint32_t first = 0, last = 0;  // numbers
+    capture::Timestamp first_at{}, last_at{};
+  };
+  void note_frames(const capture::FrameSet& frames);
+  double frames_per_second(std::size_t camera) const;  // 0: unknown
+
+  std::vector<Span> spans_;  // the tracking thread's
   std::vector<std::string> cameras_;
   std::optional<capture::Timestamp> first_at_;  // the tracking thread's
   std::map<std::string, Named> ever_;           // guarded by mutex_; by target, kind and cameras

@@ -9,6 +9,11 @@
 #include "reports/radius_advice.h"
 
 namespace huetrack::reports {
+namespace {
+
+constexpr double error_of_a_period = 0.25;  // of a lateness: some ms at usual rates
+
+}  // namespace
 
 std::string mistake_text(const view_watch::Mistake& mistake, const object_tracking::TargetOptions& target,
                          const std::vector<std::string>& cameras) {
@@ -27,16 +32,22 @@ std::string mistake_text(const view_watch::Mistake& mistake, const object_tracki
           "{} look swapped: their views are {:.0f} px apart, and agree if their frames are exchanged: exchange their "
           "videos or devices, or calibrate again",
           which, mistake.off_px);
-    case MistakeKind::late:
+    case MistakeKind::late: {
+      const double periods = std::abs(mistake.size) * mistake.shown_hz;
+      const std::string row =
+          std::abs(periods - 1) < error_of_a_period
+              ? "; that is one frame: has its table of times a row too many or too few (a header that was counted)?"
+              : "";
       if (mistake.off_px == 0)
         return fmt::format(
             "{} is about {:.2f} s {}, as the motion of {} shows; the tracker compensates for it: correct the time "
-            "stamps or timing.latency_s",
+            "stamps or timing.latency_s{}",
             is_either ? "one of " + which : which, std::abs(mistake.size),
-            is_either || mistake.size > 0 ? "late" : "early", target.name);
+            is_either || mistake.size > 0 ? "late" : "early", target.name, row);
       return fmt::format(
-          "{}, and by more the faster {} moves: {} is about {:.2f} s {}: correct its time stamps or timing.latency_s",
-          disagrees, target.name, it, std::abs(mistake.size), mistake.size > 0 ? "late" : "early");
+          "{}, and by more the faster {} moves: {} is about {:.2f} s {}: correct its time stamps or timing.latency_s{}",
+          disagrees, target.name, it, std::abs(mistake.size), mistake.size > 0 ? "late" : "early", row);
+    }
     case MistakeKind::uneven_times:
       return fmt::format(
           "the time stamps of {} are wrong by up to {:.2f} s, by varying amounts, as the motion of {} shows: frames "

@@ -57,7 +57,7 @@ struct Mistake {
   std::vector<double> extra_latency_s = {};
   double since_s = 0;                  // start of what jumped; 0: the whole window
   int jumps = 0;                       // wrong_order: in the last seconds
-  double shown_hz = 0, source_hz = 0;  // converted: by its stamps; before. delayed: even ones
+  double shown_hz = 0, source_hz = 0;  // converted: by its stamps; before. delayed: even ones. late: the camera's
 
   // uneven_times: cameras may differ.
   bool is_same_as(const Mistake& other) const {

@@ -1,5 +1,7 @@
 #include "recordings/replay_source.h"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <gmock/gmock.h>
 #include <sys/stat.h>
 
@@ -116,6 +118,26 @@ TEST_F(Replay, TablesThatCountFramesFrom1) {
     auto some = open(file + ", timestamps: part.csv");
     EXPECT_THAT(shown(read_all(some)), ElementsAre(1, 2, 3, 4)) << frames;
     EXPECT_THAT(some.take_warnings(), ElementsAre(HasSubstr("if it counts frames from 1, subtract 1"))) << frames;
+  }
+}
+
+// A header that was counted, a first row that was cut off.
+TEST_F(Replay, TablesWithARowTooFewOrTooManyAreNamed) {
+  for (const auto& [frames, codec, format] :
+       {std::tuple{"a.mkv", "ffv1", AV_PIX_FMT_YUV422P}, {"a.mp4", "libx264", AV_PIX_FMT_YUV420P}}) {
+    capture::write_clip(folder / frames, {.codec = codec, .format = format, .frames = 6});
+    for (const int rows : {4, 5, 6, 7, 8}) {
+      std::string table = "frame,t_s\n";
+      for (int k = 0; k < rows; ++k) table += std::to_string(k) + "," + std::to_string(0.1 * k) + "\n";
+      capture::write_text(folder / "t.csv", table);
+      auto source = open("frames: " + std::string(frames) + ", timestamps: t.csv");
+      read_all(source);
+      const std::string said = fmt::format("{}", fmt::join(source.take_warnings(), " "));
+      EXPECT_EQ(said.find("lists all of its 6 frames but the last: if it is the first row") != said.npos, rows == 5);
+      EXPECT_EQ(said.find("if a row too many is at their start") != said.npos, rows == 7);
+      EXPECT_EQ(said.empty(), rows == 4 || rows == 6) << said;
+      EXPECT_THAT(source.mistakes(), IsEmpty());
+    }
   }
 }
 

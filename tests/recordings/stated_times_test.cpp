@@ -205,6 +205,32 @@ TEST(TimesBesideFilm, AMeasuredTableWithoutTheFilmsGapsIsNamed) {
     }
 }
 
+// Row k of the table has the film's time of frame k + shift; the film drops frames, or its times were measured.
+TEST(TimesBesideFilm, ATableThatIsARowOffIsNamed) {
+  for (const bool drops_frames : {false, true})
+    for (const int shift : {-1, 0, 1}) {
+      const auto film_s = [&](int k) {
+        return drops_frames ? (k < 50 ? k : k < 100 ? k + 2 : k + 3) / 30. : k / 30. + 0.004 * std::sin(1.7 * k);
+      };
+      RecordedCamera camera;
+      camera.times_file = "t.csv";
+      for (int k = 0; k < 150; ++k) camera.timestamps.emplace_back(k, at_s(film_s(k + shift)));
+      TimesBesideFilm times(camera, at_30_hz);
+      for (int k = 0; k < 150; ++k)
+        times.see(k, camera.timestamps[std::size_t(k)].second, at_s(std::round(1e3 * film_s(k)) / 1e3));
+      times.end();
+      const auto problems = times.take_problems();
+      if (shift == 0)
+        EXPECT_THAT(problems, IsEmpty());
+      else
+        EXPECT_THAT(problems,
+                    ElementsAre(AllOf(
+                        HasSubstr(shift > 0 ? "t.csv gives every frame the time of the one after it"
+                                            : "t.csv gives every frame the time of the one before it"),
+                        HasSubstr(shift > 0 ? "is a row missing at its start?" : "a row too many at its start"))));
+    }
+}
+
 TEST(TimesBesideFilm, AsTheFilmsAreRight) {
   for (const double fps : {30., 29.97, 30.3}) {
     TimesBesideFilm times(at_rate(fps), at_30_hz);

@@ -45,6 +45,33 @@ TEST_F(MistakeReportOfLime, ACorrectedMistakeStaysInTheSummary) {
   EXPECT_THAT(report.summary(), ElementsAre(HasSubstr("from 0.0 s on: "), HasSubstr("from 1.0 s on: ")));
 }
 
+TEST_F(MistakeReportOfLime, LatenessIsComparedWithTheCamerasFrames) {
+  for (const auto& [size_s, is_one_frame] : {std::pair{-0.033, true}, {0.066, false}}) {
+    MistakeReport report{config};
+    for (int k = 0; k < 10; ++k) {
+      capture::FrameSet frames;
+      frames.at = capture::Timestamp(capture::duration_of(k / 30.));
+      frames.frames.resize(2);
+      // every second one is dropped
+      frames.frames[1] = capture::Frame{.camera = 1,
+                                        .sequence = std::uint32_t(7 + 2 * k),
+                                        .captured_at = capture::Timestamp(capture::duration_of(2 * k / 30.)),
+                                        .pixels = {}};
+      const std::vector<std::vector<Mistake>> of_targets{
+          {{.kind = MistakeKind::late, .cameras = {1}, .size = size_s, .off_px = 3}}};
+      report.on_set({.frames = frames,
+                     .estimates = {},
+                     .received_at = {},
+                     .trackers = {},
+                     .calibration = {},
+                     .mistakes = of_targets});
+    }
+    EXPECT_THAT(report.warnings(),
+                ElementsAre(is_one_frame ? HasSubstr("that is one frame")
+                                         : testing::Matcher<std::string>(testing::Not(HasSubstr("one frame")))));
+  }
+}
+
 // A radius that follows from views that contradict one another is none.
 TEST_F(MistakeReportOfLime, SaysNothingOfTheRadiusWhereTheViewsContradictOneAnother) {
   see(0, {{.kind = MistakeKind::radius, .size = 0.05, .range_m = {0.045, 0.055}}});
