@@ -39,7 +39,8 @@ constexpr auto fisheye_words = words("fisheye_model", "fisheye", "distortion_typ
 // 4x4 or 3x4, by what they are called.
 constexpr auto cam_from_world_words = words("cam_from_world", "T_cam_world", "T_cw", "Tcw", "world_to_cam", "w2c",
                                             "extrinsic", "extrinsics", "extrinsic_matrix", "pose");
-constexpr auto world_from_cam_words = words("world_from_cam", "T_world_cam", "T_wc", "Twc", "cam_to_world", "c2w");
+constexpr auto world_from_cam_words =
+    words("world_from_cam", "T_world_cam", "T_wc", "Twc", "cam_to_world", "c2w", "T_BS");
 constexpr auto rotation_words = words("rotation", "Rot", "R", "rvec");  // p_cam = R p_world + t: a vector, or 3x3
 constexpr auto translation_words = words("translation", "T", "t", "tvec");
 
@@ -76,10 +77,11 @@ constexpr std::array<Tool, 13> tools{{
 // Files of tools that are recognised, to say so, but not read.
 struct Unread {
   string_view mark, label;
+  bool looks_readable = false;  // some of its keys are those of calibrations that are read
 };
 constexpr string_view transforms =
     "transforms.json of nerfstudio or instant-ngp, the poses of a camera that was carried around,";
-constexpr std::array<Unread, 11> unread{{{"Camera.fx", "ORB-SLAM's settings"},
+constexpr std::array<Unread, 19> unread{{{"Camera.fx", "ORB-SLAM's settings"},
                                          {"Camera1.fx", "ORB-SLAM's settings"},
                                          {"projection_parameters", "camodocal's or VINS-Fusion's camera"},
                                          {"mirror_parameters", "camodocal's or VINS-Fusion's camera"},
@@ -89,6 +91,14 @@ constexpr std::array<Unread, 11> unread{{{"Camera.fx", "ORB-SLAM's settings"},
                                          {"Calibration", "calib.io's calibration"},
                                          {"calibration", "Qualisys' calibration"},
                                          {"calibration.projection", "Metashape's or Agisoft Lens' calibration"},
+                                         {"document.chunk", "Metashape's project"},
+                                         {"Cameras.Camera", "Vicon's calibration"},
+                                         {"frames", transforms},
+                                         {"cameraData", "DepthAI's calibration"},
+                                         {"sfm_data_version", "OpenMVG's scene", true},
+                                         {"featuresFolders", "Meshroom's scene", true},
+                                         {"lensmodel", "mrcal's camera model", true},
+                                         {"intrinsicMatrix", "JARVIS' calibration (its matrices are transposed)", true},
                                          {"target_type", "Kalibr's target file, which is given as --board,"}}};
 
 // The file, as it is arranged.
@@ -153,12 +163,18 @@ std::vector<std::pair<std::string, Section>> sections_of(const Section& root) {
   const bool more = seen.size() > most;
   if (more) seen.resize(most);
   std::string is = "is no calibration that import knows";
+  bool looks_readable = false;
   for (const Unread& known : unread) {
     const std::size_t dot = known.mark.find('.');
     const auto inner = dot == string_view::npos ? std::nullopt : root.map(known.mark.substr(0, dot));
     if (root.has(known.mark) || (inner && inner->has(known.mark.substr(dot + 1))))
-      is = "is " + std::string(known.label) + " and cannot be imported";
+      is = "is " + std::string(known.label) + " and cannot be imported", looks_readable = known.looks_readable;
   }
+  if (looks_readable)
+    throw files::ConfigError(root.file(), 0,
+                             fmt::format("{}: write its cameras as one of the files that are read "
+                                         "(calib/reference.md), as OpenCV's YAML. Its keys: {}{}",
+                                         is, joined(seen), more ? ", ..." : ""));
   throw files::ConfigError(
       root.file(), 0,
       fmt::format(
@@ -168,6 +184,9 @@ std::vector<std::pair<std::string, Section>> sections_of(const Section& root) {
 }
 
 Found arranged(const std::vector<Section>& roots) {
+  for (const Section& root : roots)
+    if (std::ranges::any_of(unread, [&](const Unread& known) { return known.looks_readable && root.has(known.mark); }))
+      refuse(root);
   Found found;
   const bool plain = std::ranges::any_of(roots, has_lens);
   if (!plain) {
@@ -242,8 +261,8 @@ struct LensKind {
 
 LensKind lens_kind_of(const Section& section, const std::string& given) {
   LensKind kind;
-  constexpr auto pinhole =
-      words("pinhole", "rational_polynomial", "radtan", "opencv", "brown", "brown_conrady", "standard", "perspective");
+  constexpr auto pinhole = words("pinhole", "rational_polynomial", "radtan", "radial_tangential", "opencv", "brown",
+                                 "brown_conrady", "standard", "perspective");
   constexpr auto fisheye =
       words("equidistant", "equi", "fisheye", "kannala_brandt", "kannala_brandt4", "opencv_fisheye");
   for (const string_view key : model_words) {

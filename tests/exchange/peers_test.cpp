@@ -469,7 +469,37 @@ TEST_F(Peers, CoefficientsThatAreZeroAreNone) {
       HasSubstr("thin prism"));
 }
 
+// EuRoC's sensor.yaml, one per camera: poses in the body's frame.
+TEST_F(Peers, Euroc) {
+  std::vector<std::filesystem::path> files;
+  for (const calib::Camera& camera : truth().cameras) {
+    const auto k = k_of(camera);
+    files.push_back(file(
+        camera.name + ".yaml",
+        fmt::format("#Default camera sensor yaml file\nsensor_type: camera\ncomment: VI-Sensor cam0 (MT9M034)\n"
+                    "T_BS:\n  cols: 4\n  rows: 4\n  data: [{}]\nrate_hz: 20\nresolution: [320, 240]\n"
+                    "camera_model: pinhole\nintrinsics: [{}] #fu, fv, cu, cv\ndistortion_model: radial-tangential\n"
+                    "distortion_coefficients: [{}]\n",
+                    numbers(matrix_of(calib::inverse(camera.cam_from_world))), numbers({k[0], k[4], k[2], k[5]}),
+                    numbers(d_of(camera, 4)))));
+  }
+  expect_rig(import_rig(files, {}).rig);
+}
+
 TEST_F(Peers, ARefusalNamesTheToolAndTheKeys) {
+  for (const auto& [text, tool] :
+       {std::pair{R"({"lensmodel": "LENSMODEL_OPENCV5", "intrinsics": [1, 2, 3, 4], "extrinsics": [0, 0, 0, 0, 0, 0]})",
+                  "mrcal's camera model"},
+        {R"({"sfm_data_version": "0.3", "intrinsics": [], "extrinsics": []})", "OpenMVG's scene"},
+        {R"({"version": ["1", "2", "0"], "featuresFolders": [], "intrinsics": [], "poses": []})", "Meshroom's scene"},
+        {R"({"intrinsicMatrix": [], "distortionCoefficients": [], "R": [], "T": []})", "JARVIS' calibration"},
+        {R"({"batchName": "", "cameraData": []})", "DepthAI's calibration"},
+        {R"({"camera_model": "OPENCV", "frames": [{"fl_x": 900}]})", "transforms.json of nerfstudio"}})
+    EXPECT_THAT(error_of("tool.json", text), AllOf(HasSubstr(tool), HasSubstr("Its keys: ")));
+  EXPECT_THAT(error_of("chunk.xml", "<?xml version='1.0'?><document><chunk label='a'/></document>"),
+              HasSubstr("Metashape's project"));
+  EXPECT_THAT(error_of("vicon.xcp", "<?xml version='1.0'?><Cameras><Camera NAME='a'/></Cameras>"),
+              HasSubstr("Vicon's calibration"));
   EXPECT_THAT(error_of("orb.yaml", "%YAML:1.0\nCamera.type: \"PinHole\"\nCamera.fx: 535.4\nCamera.fy: 539.2\n"),
               AllOf(HasSubstr("ORB-SLAM"), HasSubstr("Camera.type, Camera.fx"), HasSubstr("camera matrix")));
   EXPECT_THAT(error_of("basalt.json", R"({"value0": {"T_imu_cam": [], "intrinsics": []}})"), HasSubstr("Basalt"));
