@@ -57,6 +57,14 @@ std::optional<std::size_t> cell_of(std::span<const std::string_view> headers, st
   return index_if([&](std::string_view header) { return to_lower_ascii(header) == to_lower_ascii(name); });
 }
 
+bool has_columns(std::span<const std::string_view> headers, std::span<const std::string_view> columns) {
+  return std::ranges::all_of(columns, [&](std::string_view asked) {
+    return asked.ends_with('?') || std::ranges::any_of(split(asked, '|'), [&](std::string_view name) {
+             return cell_of(headers, name).has_value();
+           });
+  });
+}
+
 }  // namespace
 
 std::optional<std::size_t> time_unit_of(std::string_view header) {
@@ -74,6 +82,15 @@ std::optional<std::size_t> time_unit_of(std::string_view header) {
 CsvTable::CsvTable(std::filesystem::path file, std::span<const std::string_view> columns)
     : file_(std::move(file)), stream_(open_text_file(file_)), buffer_(longest_line + 1) {
   read_header();
+  std::string comment;  // numpy writes the header as one; others write some before it
+  while (line_.data() > buffer_.data() && line_.data()[-1] == '#' && !has_columns(cells_, columns)) {
+    if (line_.starts_with(" timestamp format") || line_.starts_with(" timecode format"))
+      fail("is mkvmerge's list of time stamps: write the header frame,t_ms, and number its lines from 0");
+    comment = printable(fmt::format("{}", fmt::join(cells_, ", ")), 200);
+    read_header();
+  }
+  if (!comment.empty() && number_of<double>(cells_.front()))
+    fail("has no header line; that of the comment lacks columns: it has " + comment);
   for (std::string_view asked : columns) {
     const bool may_be_missing = asked.ends_with('?');
     if (may_be_missing) asked.remove_suffix(1);
@@ -142,7 +159,7 @@ bool CsvTable::next() {
       truncated_line_ = line_number_;
       return false;
     }
-  } while (cells_.size() == 1 && cells_.front().empty());
+  } while (std::ranges::all_of(cells_, &std::string_view::empty));  // spreadsheets write commas alone
   require_plain_line();
   refuse_decimal_commas();
   if (rejects_ragged_rows_ && cells_.size() != header_cells_)
@@ -163,9 +180,10 @@ void CsvTable::refuse_decimal_commas() const {
                   cells_.size(), header_cells_));
 }
 
-// Where commas separate fields, one in a field stands in quotes.
+// Where commas separate fields, one in a field stands in quotes. std::from_chars knows no +.
 std::string CsvTable::with_point(std::size_t column) const {
   std::string number(text(column));
+  if (number.starts_with('+') && !number.starts_with("+-")) number.erase(0, 1);
   if (std::ranges::count(number, ',') == 1) number[number.find(',')] = '.';
   return number;
 }

@@ -70,6 +70,27 @@ TEST_F(Csv, NamesMayBeInCapitals) {
   EXPECT_EQ(t.name(2), "X");
 }
 
+// Of programs that begin with what they are, and of numpy, whose header is a comment.
+TEST_F(Csv, CommentsMayComeBeforeTheHeader) {
+  for (const std::string text :
+       {"# by a logger, version 2\n#\nframe,t_s\n+3,+0.5\n", "# by a logger\n# frame,t_s\n3,0.5\n",
+        "# frame t_s\n3 0.5\n", "frame,t_s\n,\n3,0.5\n,\n"}) {
+    CsvTable t = table(text, {"frame", "t_s"});
+    ASSERT_TRUE(t.next()) << text;
+    EXPECT_EQ(t.whole_number(0), 3);
+    EXPECT_EQ(t.time(1).time_since_epoch(), 500ms);
+    EXPECT_FALSE(t.next());
+  }
+  EXPECT_EQ(error_of([&] {
+              table("# frame,when\n3,0.5\n", {"frame", "t_s"});
+            }),
+            ":2: has no header line; that of the comment lacks columns: it has frame, when");
+  EXPECT_THAT(error_of([&] {
+                table("# timestamp format v2\n0.000\n", {"frame", "t_s"});
+              }),
+              testing::HasSubstr("mkvmerge's list of time stamps: write the header frame,t_ms"));
+}
+
 TEST_F(Csv, IgnoresBlanksAndByteOrderMark) {
   CsvTable t = table("\xEF\xBB\xBFname, t\r\n left ,\t0.5\r\n\r\n", {"name", "t"});
   ASSERT_TRUE(t.next());
