@@ -103,7 +103,10 @@ Board read_own(const yaml::YamlReader& reader) {
 // border, numbered from the bottom left.
 Board read_kalibr_target(const yaml::YamlReader& reader) {
   constexpr std::array<std::string_view, 3> types{"aprilgrid", "checkerboard", "circlegrid"};
-  const std::string type = reader.choice("target_type", types);
+  const std::string type = reader.has("target_type")        ? reader.choice("target_type", types)
+                           : reader.has("tagCols")          ? "aprilgrid"
+                           : reader.has("colSpacingMeters") ? "checkerboard"
+                                                            : "circlegrid";
   Board board;
   const auto count = [&](std::string_view key) {
     return static_cast<int>(reader.integer(key, {.min = 1, .max = 100}));
@@ -115,6 +118,7 @@ Board read_kalibr_target(const yaml::YamlReader& reader) {
     board.marker = reader.number("tagSize", board_length);
     board.pitch.setConstant(board.marker * (1 + reader.number("tagSpacing", yaml::non_negative)));
     board.dictionary = "DICT_APRILTAG_36h11";
+    board.first_marker = static_cast<int>(reader.integer("codeOffset", {.min = 0, .max = 586}, 0));
     board.border_bits = 2;
     board.from_bottom = true;
   } else if (type == "checkerboard") {
@@ -130,7 +134,8 @@ Board read_kalibr_target(const yaml::YamlReader& reader) {
 
 Board read_board(const std::filesystem::path& file) {
   const yaml::YamlReader reader = yaml::YamlReader::file(file);
-  const Board board = reader.has("target_type") ? read_kalibr_target(reader) : read_own(reader);
+  const bool is_kalibrs = reader.has("target_type") || reader.has("tagCols") || reader.has("targetCols");
+  const Board board = is_kalibrs ? read_kalibr_target(reader) : read_own(reader);
   reader.finish();
   for (const auto& problem : board.problems()) reader.fail("", problem);
   return board;

@@ -90,6 +90,15 @@ TEST_F(BoardYaml, ReadsKalibrsTargets) {
       read("target_type: circlegrid\ntargetCols: 6\ntargetRows: 7\nspacingMeters: 0.02\nasymmetricGrid: False\n").type,
       BoardType::circles);
   EXPECT_THROW(read("target_type: aprilgrid\ntagCols: 6\n"), files::ConfigError);
+  // as their other keys show
+  const Board offset = read("tagCols: 6\ntagRows: 5\ntagSize: 0.088\ntagSpacing: 0.3\ncodeOffset: 36\n");
+  EXPECT_EQ(offset.type, BoardType::aruco_grid);
+  EXPECT_EQ(offset.first_marker, 36);
+  EXPECT_EQ(tags.first_marker, 0);
+  EXPECT_EQ(read("targetCols: 6\ntargetRows: 7\nrowSpacingMeters: 0.06\ncolSpacingMeters: 0.05\n").type,
+            BoardType::chessboard);
+  EXPECT_EQ(read("targetCols: 4\ntargetRows: 11\nspacingMeters: 0.02\nasymmetricGrid: True\n").type,
+            BoardType::asymmetric_circles);
 }
 
 TEST_F(BoardYaml, MillimetresAreRecognised) {
