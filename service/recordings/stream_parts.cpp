@@ -29,6 +29,19 @@ bool is_transport_stream(const fs::path& file) {
   return std::ranges::find(endings, ending) != endings.end() && fs::is_regular_file(file, error);
 }
 
+bool has_parts(const fs::path& folder) {
+  std::error_code error;
+  const fs::directory_iterator entries(folder, error);
+  return !error && std::ranges::any_of(entries, [](const auto& entry) { return is_transport_stream(entry.path()); });
+}
+
+// A camcorder's card, or a folder of it.
+std::optional<fs::path> folder_of_parts(const fs::path& folder) {
+  for (const char* inner : {"", "STREAM", "BDMV/STREAM", "AVCHD/BDMV/STREAM", "PRIVATE/AVCHD/BDMV/STREAM"})
+    if (has_parts(folder / inner)) return folder / inner;
+  return std::nullopt;
+}
+
 struct TimeSpan {
   double from_s = 0, to_s = 0;
 };
@@ -57,7 +70,7 @@ std::vector<fs::path> stream_parts(const fs::path& frames, std::vector<std::stri
   std::vector<fs::path> parts;
   std::error_code error;
   if (fs::is_directory(frames, error)) {
-    for (const auto& entry : fs::directory_iterator(frames, error))
+    for (const auto& entry : fs::directory_iterator(folder_of_parts(frames).value_or(frames), error))
       if (is_transport_stream(entry.path())) parts.push_back(entry.path());
     files::sort_by_numbers(parts);
   } else if (frames.string().find_first_of("*?[") != std::string::npos) {
@@ -87,9 +100,7 @@ std::vector<fs::path> stream_parts(const fs::path& frames, std::vector<std::stri
 
 bool is_split_film(const fs::path& folder) {
   std::error_code error;
-  if (!fs::is_directory(folder, error)) return false;
-  const fs::directory_iterator entries(folder, error);
-  return std::ranges::any_of(entries, [](const auto& entry) { return is_transport_stream(entry.path()); });
+  return fs::is_directory(folder, error) && folder_of_parts(folder);
 }
 
 }  // namespace huetrack::recordings

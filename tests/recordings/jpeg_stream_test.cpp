@@ -164,7 +164,9 @@ class CamcorderFolder : public FilesOfCameras {
 TEST_F(CamcorderFolder, IsOneFilm) {
   const Played whole = play("frames: whole.ts");
   ASSERT_EQ(whole.shown.size(), 24u);
-  for (const std::string frames : {"STREAM", "STREAM/*.[Mm][Tt][Ss]"}) {
+  std::filesystem::create_directories(folder / "card/PRIVATE/AVCHD/BDMV/CLIPINF");
+  std::filesystem::copy(folder / "STREAM", folder / "card/PRIVATE/AVCHD/BDMV/STREAM");
+  for (const std::string frames : {"STREAM", "STREAM/*.[Mm][Tt][Ss]", "card", "card/PRIVATE", "card/PRIVATE/AVCHD"}) {
     const Played parts = play("frames: '" + frames + "'");
     EXPECT_EQ(parts.shown, whole.shown);
     EXPECT_EQ(parts.at, whole.at);
