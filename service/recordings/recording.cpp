@@ -198,6 +198,7 @@ Recording read_recording(const std::filesystem::path& path) {
   if (const auto advice = advice_to_convert(recording.file); !advice.empty())
     throw files::ConfigError(recording.file, 0, advice);
   const auto yaml = yaml::YamlReader::file(recording.file);
+  if (yaml.has("rosbag2_bagfile_information") && bags::is_bag(folder)) return recording_of_bag(folder);
   if (yaml.has("rig") || yaml.has("targets"))
     yaml.fail("",
               "this is a configuration, not a recording: a recording is a folder with a recording.yaml, which names "

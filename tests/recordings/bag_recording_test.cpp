@@ -179,6 +179,7 @@ TEST_F(BagRecording, PlaysRosbag2FoldersWithSeveralFiles) {
         bag / "metadata.yaml",
         "rosbag2_bagfile_information:\n  version: 5\n  storage_identifier: x\n  relative_file_paths:\n" + paths);
     expect_all(bag);
+    expect_all(bag / "metadata.yaml");
   }
 }
 
