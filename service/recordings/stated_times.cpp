@@ -398,7 +398,8 @@ void TimesBesideFilm::look_for_gap() {
   const double gap_s = end.film_s - begin.film_s - stated_periods * usual_s;
   if (gap_s < film_times.gap * usual_s) return;
   const auto longest = static_cast<std::size_t>(std::ranges::max_element(steps_s) - steps_s.begin());
-  if (longest == 0 || longest + 1 == steps_s.size()) return;  // that of the stated times may be a row beyond the window
+  // A table may have its gap a row beyond the window.
+  if (key_ != "fps" && (longest == 0 || longest + 1 == steps_s.size())) return;
   report_gap(std::max(1L, std::lround(gap_s / usual_s)), recent_[longest + 1].index);
 }
 
