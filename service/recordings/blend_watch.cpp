@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "calib/files/median.h"
 #include "capture/frames/brightness.h"
 
 namespace huetrack::recordings {
@@ -35,7 +36,9 @@ struct ShareTuning {
   std::size_t pixels = 8;     // fewer of a picture show little of its share
   std::size_t pictures = 60;  // with these shares, two seconds of motion
   std::size_t most = 300;
-  double lowest_hz = 0.1;  // of the pictures: below are the motion's own periods
+  // Periods per picture: below are the motion's own; above, every second picture differs, as means do.
+  double lowest = 0.1, highest = 0.45;
+  double most_pixels = 3;  // medians, that count of a picture: of a camera that is knocked all change
   double chance = 1e-6;    // that a film of a camera is named
   // Amplitude. Conversions of ours have 0.035 to 0.25; edges of a camera that cross its pixels at one speed up to 0.02.
   double amplitude = 0.03;
@@ -130,13 +133,17 @@ Sine sine_of(const std::vector<Share>& shares, double frequency) {
 }
 
 // The period in pictures with which the shares change, if they hardly do so by chance.
-std::optional<double> period_of(const std::vector<Share>& shares) {
+std::optional<double> period_of(std::vector<Share> shares) {
   if (shares.size() < share_tuning.pictures) return std::nullopt;
+  std::vector<double> pixels;
+  for (const Share& share : shares) pixels.push_back(share.pixels);
+  const double most = share_tuning.most_pixels * files::median(std::move(pixels));
+  for (Share& share : shares) share.pixels = std::min(share.pixels, most);
   const double step = 0.25 / static_cast<double>(shares.back().index - shares.front().index);
   double frequency = 0;
   Sine best;
   int tried = 0;
-  for (double f = share_tuning.lowest_hz; f < 0.5 - step; f += step, ++tried)
+  for (double f = share_tuning.lowest; f < share_tuning.highest; f += step, ++tried)
     if (const Sine sine = sine_of(shares, f); sine.explained > best.explained) best = sine, frequency = f;
   // Of normal scatter, with as many independent frequencies as a quarter of those tried.
   const double chance = tried / 4. * std::pow(1 - best.explained, (static_cast<double>(shares.size()) - 3) / 2);

@@ -337,7 +337,7 @@ void TimesBesideFilm::compare_rows() {
   if (std::min(missing_s, additional_s) > film_times.of_other_row * as_is_s) return;
   const bool is_missing = missing_s < additional_s;
   problems_.push_back(fmt::format(
-      "{0} gives every frame the time of the one {1} it by the film's own time stamps: {2}: correct its numbers, or "
+      "{0} gives every frame the time of the one {1} it by the film's own time stamps ({2}): correct its numbers, or "
       "leave timestamps out to use the file's time stamps; if the table is right, add {3}",
       name_, is_missing ? "after" : "before",
       is_missing ? "is a row missing at its start?" : "has it a row too many at its start (a header that was counted)?",

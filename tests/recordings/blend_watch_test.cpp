@@ -100,5 +100,23 @@ TEST(BlendWatch, NamesNoFilmOfACamera) {
       EXPECT_FALSE(problem_of(noise, step_px, 2)) << noise << step_px;
 }
 
+// All pixels change at once, as where a camera is knocked or a lamp is switched on: of one picture, not of a period.
+TEST(BlendWatch, NamesNoFilmInWhichAllChangesOnce) {
+  std::mt19937_64 random(1);
+  BlendWatch watch;
+  for (int k = 0; k < 120; ++k) {
+    capture::Image image = taken(3, 2, k, random);
+    capture::WritableImage lit = capture::make_image(image.format, image.range, image.width, image.height);
+    for (int v = 0; v < image.height; ++v)
+      for (int u = 0; u < image.width; ++u)
+        lit.data[0][v * lit.image.planes[0].stride + u] =
+            static_cast<std::uint8_t>(image.planes[0].data[v * image.planes[0].stride + u] + (k < 60    ? 0
+                                                                                              : k == 60 ? 18
+                                                                                                        : 60));
+    watch.see(k, lit.image);
+  }
+  EXPECT_FALSE(watch.problem());
+}
+
 }  // namespace
 }  // namespace huetrack::recordings
