@@ -97,7 +97,7 @@ constexpr std::array<Unread, 19> unread{{{"Camera.fx", "ORB-SLAM's settings"},
                                          {"cameraData", "DepthAI's calibration"},
                                          {"sfm_data_version", "OpenMVG's scene", true},
                                          {"featuresFolders", "Meshroom's scene", true},
-                                         {"lensmodel", "mrcal's camera model", true},
+                                         {"imagersize", "mrcal's camera model", true},
                                          {"intrinsicMatrix", "JARVIS' calibration (its matrices are transposed)", true},
                                          {"target_type", "Kalibr's target file, which is given as --board,"}}};
 

@@ -488,7 +488,7 @@ TEST_F(Peers, Euroc) {
 
 TEST_F(Peers, ARefusalNamesTheToolAndTheKeys) {
   for (const auto& [text, tool] :
-       {std::pair{R"({"lensmodel": "LENSMODEL_OPENCV5", "intrinsics": [1, 2, 3, 4], "extrinsics": [0, 0, 0, 0, 0, 0]})",
+       {std::pair{R"({"lensmodel": "LENSMODEL_OPENCV5", "intrinsics": [1, 2, 3, 4], "imagersize": [320, 240]})",
                   "mrcal's camera model"},
         {R"({"sfm_data_version": "0.3", "intrinsics": [], "extrinsics": []})", "OpenMVG's scene"},
         {R"({"version": ["1", "2", "0"], "featuresFolders": [], "intrinsics": [], "poses": []})", "Meshroom's scene"},
