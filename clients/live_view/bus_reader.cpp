@@ -214,8 +214,16 @@ void BusReader::poll(int pages) {
   }
 }
 
+bool BusReader::is_silent(const Service& service) {
+  return Clock::now() - service.last_status >= gone_after;
+}
+
 BusReader::Service* BusReader::service(const std::string& id) {
-  if (services_.size() >= most_services && !services_.contains(id)) return nullptr;
+  if (services_.size() >= most_services && !services_.contains(id)) {
+    const auto silent = std::ranges::find_if(services_, [](const auto& entry) { return is_silent(entry.second); });
+    if (silent == services_.end() || is_shown(silent->first)) return nullptr;
+    services_.erase(silent);
+  }
   const auto [it, is_new] = services_.try_emplace(id);
   if (is_new) it->second.began = it->second.last_status = Clock::now();
   return &it->second;
@@ -306,18 +314,15 @@ void BusReader::take_statuses() {
     it->cameras = std::move(cameras);
     keep(id, "status", to_json(sample, unix_now()));
   });
-  bool has_gone = false;
-  std::erase_if(services_, [&](const auto& entry) {
-    if (now - entry.second.last_status < gone_after) return false;
-    if (is_shown(entry.first)) show("");
-    has_gone = true;
-    return true;
-  });
-  if (has_gone) ::malloc_trim(0);  // returns megabytes of pictures to the system
+  // Kept: one that goes on, as after a laptop's sleep, publishes its scene only when that changes.
+  if (!shown_.empty() && is_silent(services_.at(shown_))) {
+    show("");
+    ::malloc_trim(0);  // returns megabytes of pictures to the system
+  }
   // Of the services with a status.
   std::string newest;
   for (const auto& [id, it] : services_)
-    if (it.events.contains("status") &&
+    if (it.events.contains("status") && !is_silent(it) &&
         (newest.empty() || std::pair(it.began, id) > std::pair(services_.at(newest).began, newest)))
       newest = id;
   if (newest != shown_) show(newest);
@@ -408,8 +413,9 @@ void BusReader::publish_pulse() {
   if (services_.size() > 1 && !shown_.empty()) {
     std::vector<std::string> others;
     for (const auto& [id, it] : services_)
-      // Not one that ended before the shown one began.
-      if (!is_shown(id) && it.events.contains("status") && it.last_status > services_.at(shown_).began)
+      // Not one that ended, also before the shown one began.
+      if (!is_shown(id) && it.events.contains("status") && !is_silent(it) &&
+          it.last_status > services_.at(shown_).began)
         others.push_back(id + " (" + it.config_file + ")");
     if (!others.empty())
       trouble += fmt::format(

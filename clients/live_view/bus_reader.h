@@ -77,13 +77,14 @@ class BusReader {
     std::set<std::string> cameras;
   };
   Service* service(const std::string& id);  // nullptr: too many
+  static bool is_silent(const Service& service);
   void show(const std::string& id);
   bool is_of_another(const Process& process);
   void append(const Process& process, std::string event);
   void keep(const std::string& id, const std::string& name, const std::string& json, const std::string& camera = "");
   bool is_shown(const std::string& id) const { return id == shown_; }
 
-  std::map<std::string, Service> services_;  // by host/pid
+  std::map<std::string, Service> services_;  // by host/pid; those that are silent, too
   std::string shown_;                        // empty: none
   // Samples received before the first status of their service.
   struct Early {

@@ -317,6 +317,32 @@ TEST_F(Attack, ThePagesBridgeKeepsItsMemoryUnderNewNames) {
   EXPECT_LT(most_mb - before_mb, most_growth_mb);
 }
 
+// A service that goes on after a silence, as after a laptop's sleep, publishes its scene only when that changes.
+TEST_F(Attack, ThePagesBridgeRemembersAServiceThatGoesOn) {
+  const Process view = bridge();
+  ASSERT_TRUE(comes_true([&] { return http_get(port_, "/").has_value(); })) << view.err();
+  Stranger stranger(domain_);
+  auto& status = stranger.writer<msg::ServiceStatusPubSubType>(idl::status_topic, idl::status_writer_qos());
+  auto& scene = stranger.writer<msg::ScenePubSubType>(idl::scene_topic, idl::status_writer_qos());
+  const auto is_shown = [&](const std::string& event) {
+    const Connection page(port_);
+    page.send("GET /api/events HTTP/1.1\r\nHost: localhost\r\n\r\n");
+    std::string shown;
+    while (shown.find("event: pulse") == std::string::npos) shown += page.receive_some();
+    return shown.find("event: " + event) != std::string::npos;
+  };
+  msg::ServiceStatus service;
+  msg::Scene room;
+  ASSERT_TRUE(comes_true([&] { return is_heard(status) && is_heard(scene); })) << view.err();
+  scene.write(&room);
+  const auto speaks = [&] { return status.write(&service), is_shown("status"); };
+  ASSERT_TRUE(comes_true(speaks)) << view.err();
+  EXPECT_TRUE(comes_true([&] { return is_shown("scene"); }));
+  ASSERT_TRUE(comes_true([&] { return !is_shown("scene"); }));  // silent
+  ASSERT_TRUE(comes_true(speaks));
+  EXPECT_TRUE(is_shown("scene"));
+}
+
 // Pictures are kept for pages that come late: of a false service with more cameras than anybody has, too.
 TEST_F(Attack, ThePagesBridgeForgetsAFalseService) {
   const Process view = bridge();
