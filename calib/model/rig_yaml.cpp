@@ -295,6 +295,10 @@ std::string uncertainty_text(const RigUncertainty& uncertainty, const CameraRig&
 
 CameraRig read_rig(const std::filesystem::path& file) {
   const yaml::YamlReader reader = yaml::YamlReader::file(file);
+  if (!reader.has("cameras") && !reader.has("version"))
+    reader.fail("",
+                "this is no rig: it has no cameras; huetrack-calibrate import makes a rig of calibrations of other "
+                "programs (OpenCV, ROS, Kalibr, ...)");
   reader.version(1);
   CameraRig rig;
   const auto cameras = reader.named_maps("cameras");

@@ -77,7 +77,8 @@ truth::Truth matched_truth(const PlotOptions& options, const std::vector<std::st
   truth::Truth truth = truth::Truth::read(options.truth);
   for (const std::string& sentence : truth.match(targets)) fmt::print(stderr, "huetrack: {}\n", sentence);
   if (std::ranges::none_of(targets, [&](const std::string& name) { return truth.targets().contains(name); }))
-    throw std::runtime_error(options.truth.string() + ": has none of the targets of " + options.tracks.string());
+    throw std::runtime_error(options.truth.string() + ": has none of the targets of " + options.tracks.string() +
+                             "; huetrack compare finds out which of several objects of one colour is which ball");
   truth.shift(std::chrono::round<std::chrono::nanoseconds>(std::chrono::duration<double>(options.clock_offset_s)));
   return truth;
 }

@@ -104,6 +104,12 @@ TEST_F(RigYaml, ReadsAllFields) {
   EXPECT_EQ(rig.made_by[0], (std::pair<std::string, std::string>("tool", "huetrack-calibrate 0.1")));
 }
 
+TEST_F(RigYaml, ACalibrationOfAnotherProgramIsToBeImported) {
+  EXPECT_THAT(error_of("%YAML:1.0\n---\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n"
+                       "   data: [600., 0., 320., 0., 600., 240., 0., 0., 1.]\n"),
+              HasSubstr("this is no rig: it has no cameras; huetrack-calibrate import"));
+}
+
 TEST_F(RigYaml, PinholesHaveFourFiveOrEightCoefficients) {
   const auto distortion = [&](const std::string& list) {
     return std::get<PinholeRadtan>(read(replaced("[-0.145, 0.033, -0.0004, 0.0005, 0]", list)).cameras[0].model.lens())
