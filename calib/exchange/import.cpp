@@ -159,6 +159,8 @@ std::vector<std::pair<std::string, Section>> sections_of(const Section& root) {
 
 [[noreturn]] void refuse(const Section& root) {
   std::vector<std::string> seen = root.keys();
+  if (root.has("names") && std::ranges::any_of(seen, [](const auto& key) { return key.starts_with("Rot_"); }))
+    throw files::ConfigError(root.file(), 0, "is EasyMocap's extri.yml, which has poses only: give its intri.yml, too");
   constexpr std::size_t most = 12;
   const bool more = seen.size() > most;
   if (more) seen.resize(most);

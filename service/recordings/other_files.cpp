@@ -36,7 +36,8 @@ std::string quoted(const fs::path& file) {
 
 std::string advice_on_picture(const fs::path& file, std::string_view head) {
   const std::string_view brand = head.size() >= 12 && head.substr(4, 4) == "ftyp" ? head.substr(8, 4) : "";
-  const fs::path jpg = fs::path(file).replace_extension(".jpg");
+  fs::path jpg = fs::path(file).replace_extension(".jpg");
+  if (jpg == file) jpg.replace_filename(file.stem().string() + "_converted.jpg");
   const std::string command = "convert it, with `heif-convert -q 98 " + quoted(file) + " " + quoted(jpg) +
                               "` (Debian package libheif-examples)";
   static constexpr std::array<std::string_view, 6> heic{"heic", "heix", "hevc", "heim", "mif1", "msf1"};

@@ -187,6 +187,9 @@ TEST_F(Inputs, PicturesThatMustBeConverted) {
                                                                    24));
   EXPECT_THAT(replayed({"left=" + at("phone/IMG_1.HEIC")}), HasSubstr("heif-convert -q 98 IMG_1.HEIC IMG_1.jpg"));
   EXPECT_THAT(gathered({"left=" + at("phone/IMG_1.HEIC")}), HasSubstr("heif-convert"));
+  fs::copy_file(at("phone/IMG_1.HEIC"), at("renamed.jpg"));
+  EXPECT_THAT(replayed({"left=" + at("renamed.jpg")}),
+              HasSubstr("heif-convert -q 98 renamed.jpg renamed_converted.jpg"));
   EXPECT_THAT(gathered({"left=" + at("phone")}), HasSubstr("holds no images; IMG_1.HEIC is a HEIC picture"));
 }
 
