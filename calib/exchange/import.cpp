@@ -157,6 +157,17 @@ std::vector<std::pair<std::string, Section>> sections_of(const Section& root) {
   return found;
 }
 
+// The last of the tools whose mark the file has; nullptr: none.
+const Unread* unread_in(const Section& root) {
+  const Unread* found = nullptr;
+  for (const Unread& known : unread) {
+    const std::size_t dot = known.mark.find('.');
+    const auto inner = dot == string_view::npos ? std::nullopt : root.map(known.mark.substr(0, dot));
+    if (root.has(known.mark) || (inner && inner->has(known.mark.substr(dot + 1)))) found = &known;
+  }
+  return found;
+}
+
 [[noreturn]] void refuse(const Section& root) {
   std::vector<std::string> seen = root.keys();
   if (root.has("names") && std::ranges::any_of(seen, [](const auto& key) { return key.starts_with("Rot_"); }))
@@ -164,15 +175,10 @@ std::vector<std::pair<std::string, Section>> sections_of(const Section& root) {
   constexpr std::size_t most = 12;
   const bool more = seen.size() > most;
   if (more) seen.resize(most);
-  std::string is = "is no calibration that import knows";
-  bool looks_readable = false;
-  for (const Unread& known : unread) {
-    const std::size_t dot = known.mark.find('.');
-    const auto inner = dot == string_view::npos ? std::nullopt : root.map(known.mark.substr(0, dot));
-    if (root.has(known.mark) || (inner && inner->has(known.mark.substr(dot + 1))))
-      is = "is " + std::string(known.label) + " and cannot be imported", looks_readable = known.looks_readable;
-  }
-  if (looks_readable)
+  const Unread* const known = unread_in(root);
+  const std::string is =
+      known ? fmt::format("is {} and cannot be imported", known->label) : "is no calibration that import knows";
+  if (known && known->looks_readable)
     throw files::ConfigError(root.file(), 0,
                              fmt::format("{}: write its cameras as one of the files that are read "
                                          "(calib/reference.md), as OpenCV's YAML. Its keys: {}{}",

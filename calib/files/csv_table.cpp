@@ -57,11 +57,16 @@ std::optional<std::size_t> cell_of(std::span<const std::string_view> headers, st
   return index_if([&](std::string_view header) { return to_lower_ascii(header) == to_lower_ascii(name); });
 }
 
+// Of a column as asked for, "a|b": the cell of the first name that the header has.
+std::optional<std::size_t> first_cell_of(std::span<const std::string_view> headers, std::string_view asked) {
+  for (const std::string_view name : split(asked, '|'))
+    if (const auto cell = cell_of(headers, name)) return cell;
+  return std::nullopt;
+}
+
 bool has_columns(std::span<const std::string_view> headers, std::span<const std::string_view> columns) {
   return std::ranges::all_of(columns, [&](std::string_view asked) {
-    return asked.ends_with('?') || std::ranges::any_of(split(asked, '|'), [&](std::string_view name) {
-             return cell_of(headers, name).has_value();
-           });
+    return asked.ends_with('?') || first_cell_of(headers, asked).has_value();
   });
 }
 
@@ -94,15 +99,11 @@ CsvTable::CsvTable(std::filesystem::path file, std::span<const std::string_view>
   for (std::string_view asked : columns) {
     const bool may_be_missing = asked.ends_with('?');
     if (may_be_missing) asked.remove_suffix(1);
-    const std::vector<std::string_view> names = split(asked, '|');
-    Column& column = columns_.emplace_back(Column{std::string(names.front()), {}});
-    for (const std::string_view name : names) {
-      const auto cell = cell_of(cells_, name);
-      if (!cell) continue;
-      column.name = cells_[*cell];
-      column.cell = cell;
+    Column& column =
+        columns_.emplace_back(Column{std::string(split(asked, '|').front()), first_cell_of(cells_, asked)});
+    if (column.cell) {
+      column.name = cells_[*column.cell];
       needed_cells_ = std::max(needed_cells_, *column.cell + 1);
-      break;
     }
     if (column.cell || may_be_missing) continue;
     fail(fmt::format("the header has no column {}: it has {}",

@@ -439,12 +439,13 @@ class Stream {
     return counting->position();
   }
 
+  bool is_played_whole() const { return camera_.first_frame == 0 && camera_.every == 1; }
+
   // Rows from 0 on, without a gap: their number, or 0.
   std::int64_t counted_rows() const {
     const auto& rows = camera_.timestamps;
     const auto count = static_cast<std::int64_t>(rows.size());
-    const bool is_whole = camera_.first_frame == 0 && camera_.every == 1;
-    return is_whole && rows.front().first == 0 && rows.back().first == count - 1 ? count : 0;
+    return is_played_whole() && rows.front().first == 0 && rows.back().first == count - 1 ? count : 0;
   }
 
   void judge_number_of_rows(const ReplayOptions& options) {
@@ -548,7 +549,7 @@ class Stream {
     const std::int64_t first = camera_.timestamps.front().first;
     std::string text = absent == 1 ? "has no frame for the last row of its time stamps"
                                    : fmt::format("has no frame for the last {} rows of its time stamps", absent);
-    if (first > 0 && absent == first && camera_.first_frame == 0 && camera_.every == 1)
+    if (first > 0 && absent == first && is_played_whole())
       text += fmt::format(", whose first row is frame {}: frames count from 0", first);
     if (absent == 1 && counted_rows() > 1)
       text += ": if a row too many is at their start, every frame has the time of the one before it";

@@ -70,7 +70,7 @@ TEST_F(Csv, NamesMayBeInCapitals) {
   EXPECT_EQ(t.name(2), "X");
 }
 
-// Of programs that begin with what they are, and of numpy, whose header is a comment.
+// Comments before the header, and the header as a comment, which numpy writes.
 TEST_F(Csv, CommentsMayComeBeforeTheHeader) {
   for (const std::string text :
        {"# by a logger, version 2\n#\nframe,t_s\n+3,+0.5\n", "# by a logger\n# frame,t_s\n3,0.5\n",

@@ -329,8 +329,8 @@ TEST(StaticClutterMask, ACrowdedViewMakesTheRoomShareTheColour) {
   EXPECT_FALSE(is_shared_after(40, 60));
 }
 
-// A ball is between furniture of its colour from the first set on: nobody has seen what is behind it. What it uncovers
-// may look as it did, until it is seen without the ball.
+// A ball rests between static clutter of its colour from the first frame set on, so the room behind it has never been
+// seen. Once that place is seen without the ball, it is known.
 TEST(StaticClutterMask, WhatAnObjectUncoversIsAsItsSurroundings) {
   const Vector3d place(0, 0, 1);
   scene::SceneBuilder builder;

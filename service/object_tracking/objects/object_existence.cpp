@@ -76,8 +76,8 @@ struct Evidence {
 };
 
 // Sequential: each sighting updates the prediction of the next, the likeliest first. times: the cameras' timing.
-// is_followed: a sighting whose clutter likelihood exceeds its target likelihood is not used, and what the object has
-// uncovered is clutter.
+// is_followed: for a track, not a find. Sightings that are more likely clutter are not used, and the clutter density
+// includes StaticClutterMask::uncovered_density().
 Evidence evidence_of(ExpectedPlace expected, std::span<const Sighting> sightings, const std::vector<TargetView>& views,
                      double radius_m, const MotionState& times, const ClutterMap& clutter,
                      const StaticClutterMask& still, bool is_followed) {

@@ -306,7 +306,7 @@ void StaticClutterMask::learn_pixels(const TargetView& view, PerCamera& camera, 
   if (++camera.sampled == samples) camera.may_be_objects.clear();
 }
 
-// What is behind an object is not seen, also where the object is learnt as clutter because its surroundings are.
+// An object hides the room behind it, whether or not the object itself is learnt as clutter (is_surrounded()).
 void StaticClutterMask::cover(const TargetView& view, PerCamera& camera, std::span<const Sighting> tracked) {
   covering_.assign(camera.may_be_objects.begin(), camera.may_be_objects.end());
   const std::size_t first_tracked = covering_.size();

@@ -55,8 +55,8 @@ class StaticClutterMask {
   bool is_room_shared() const { return is_room_shared_; }  // some view shows more of the colour than the objects could
   // Masked pixels are near enough to cut a region of this radius there.
   bool may_clip(std::size_t camera, const Eigen::Vector2d& px, double radius_px) const;
-  // Regions per px^2 and set, within radius_px, that an object uncovers where nothing has been seen of the room behind
-  // it, if that is as its surroundings are: they look as the object did.
+  // Density of clutter, per px^2 and frame set, at a place that an object may have uncovered: share of the disc of
+  // radius_px behind which the room has never been seen, times the masked share of its surroundings, per disc area.
   double uncovered_density(std::size_t camera, const Eigen::Vector2d& px, double radius_px) const;
   // Sets is_cut, and adds the possible error of the centroid to the covariance.
   void mark_clipped(std::vector<object_tracking::Sighting>& sightings) const;
