@@ -53,9 +53,17 @@ bool epipolar_residual(const PathResidual& i, const PathResidual& j, double path
   return true;
 }
 
-bool is_discriminating(const EpipolarResidual& seen, double radius_i_px, double radius_j_px) {
+namespace {
+
+double discriminated_px2(double radius_i_px, double radius_j_px) {
   const double limit_px = 0.5 * std::min(radius_i_px, radius_j_px);
-  return seen.expected_px2 <= limit_px * limit_px;
+  return limit_px * limit_px;
+}
+
+}  // namespace
+
+bool is_discriminating(const EpipolarResidual& seen, double radius_i_px, double radius_j_px) {
+  return seen.expected_px2 <= discriminated_px2(radius_i_px, radius_j_px);
 }
 
 EpipolarConsistency::EpipolarConsistency(std::size_t cameras, double radius_m)
@@ -160,7 +168,10 @@ void EpipolarConsistency::note_place(Pair& p, const EpipolarResidual& seen, cons
     return std::max(path.head<2>().norm() / ri_px, path.tail<2>().norm() / rj_px) < epipolar_consistency.place_radii;
   };
   if (std::none_of(p.places, p.places + p.place_count, is_near)) p.places[p.place_count++] = place;
-  p.was_sure = p.was_sure || p.is_sure();
+  if (!p.is_sure()) return;
+  p.was_sure = true;
+  // What was larger than this was no error of a camera; what a hand causes is smaller.
+  p.lasting_px2 = std::min(p.lasting_px2, discriminated_px2(ri_px, rj_px));
 }
 
 // Of few residuals: their mean, with two as expected added.

@@ -7,7 +7,8 @@
 // by cameras:
 //   residual variance of pair (i, j) = expected + share_i S_i + share_j S_j,   S >= 0, px^2
 // by a single camera if all pairs without it are consistent, else by least squares. Excess fades over 20 s, as a
-// camera's error may lie along the epipolar lines now.
+// camera's error may lie along the epipolar lines now; two places at which the pair is consistent disprove that, as far
+// as they discriminate.
 #pragma once
 
 #include <Eigen/Core>

@@ -491,6 +491,25 @@ TEST(EpipolarConsistency, RareOnesInflateNothing) {
   }
 }
 
+// A shirt that was taken for the ball for a second, in one view, is no error of its camera: the ball shows that later.
+TEST(EpipolarConsistency, ConsistencyInTwoPlacesEndsAGrossInconsistency) {
+  EpipolarConsistency doubts(2, radius_m);
+  prove(doubts, {0, 1});
+  for (int i = 0; i < 60; ++i) doubts.compare(std::vector{beside(0, 0, 0), beside(1, 0, 40)}, 0, 0);
+  const auto see_both = [&](double u) {
+    for (int i = 0; i < 40; ++i) {
+      std::vector views{beside(0, 0, 0.1 * ((i % 5) - 2)), beside(1, 0, 0)};
+      for (PathResidual& view : views) view.px = {u, 50};
+      doubts.compare(views, 0, 0);
+    }
+  };
+  see_both(0);
+  EXPECT_GT(std::sqrt(doubts.variance_px2(0)), 10) << "one place: the error may lie along the epipolar lines";
+  see_both(200);
+  const double half_radius_px = 0.5 * radius_m * beside(0, 0, 0).jacobian.norm() / std::sqrt(2);
+  EXPECT_LE(std::sqrt(doubts.variance_px2(0)), 1.5 * half_radius_px);
+}
+
 // A region of furniture that was taken for the object in three frames counts then, and not for long after.
 TEST(EpipolarConsistency, ABriefInconsistencyIsForgotten) {
   EpipolarConsistency doubts(2, radius_m);
