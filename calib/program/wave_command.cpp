@@ -68,7 +68,7 @@ wave::WaveOptions wave_options(const WaveCommand& o, const WavedInput& in) {
   wave::WaveOptions options{.radius_m = in.targets.front().radius_m};
   options.has_poses = !o.no_poses && in.config.has_value() && in.has_rig;
   options.guessed_lenses = o.guess_lenses || !in.has_rig;
-  options.guessed_radius = in.config && in.config->unsized_targets.contains(in.targets.front().name);
+  options.guessed_radius = in.targets.front().is_radius_assumed;
   if (!o.camera_distance.empty()) {
     wave::CameraDistance d;
     for (const int i : {0, 1}) {

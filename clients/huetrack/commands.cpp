@@ -286,18 +286,18 @@ class StatusListener {
         positions_in_(participant.create_reader<msg::ObjectPositionPubSubType>(idl::object_position_topic,
                                                                                idl::object_position_reader_qos())) {}
 
-  // Until the first status, then a moment longer for a second service, positions and the poses of a tracked camera.
+  // Until the first status, then a moment longer for a second service, positions and the poses of a tracked camera; not
+  // longer than until all that was discovered has come.
   void listen() {
-    constexpr auto a_moment = 300ms;
+    constexpr auto a_moment = 300ms, shortest = 100ms;  // the shortest: a second service is discovered by then
     Clock::time_point until = Clock::now() + no_publisher_after;
     bool waited_for_pose = false;
     while (!ended && Clock::now() < until) {
       const bool was_empty = statuses_.empty();
       take_all();
       if (was_empty && !statuses_.empty()) until = Clock::now() + a_moment;
-      dds::SubscriptionMatchedStatus matched;  // of a slow camera
-      if (!statuses_.empty() && poses_.empty() && !waited_for_pose &&
-          poses_in_.get_subscription_matched_status(matched) == ReturnCode_t::RETCODE_OK && matched.current_count > 0) {
+      if (!statuses_.empty() && Clock::now() > until - a_moment + shortest && has_all()) break;
+      if (!statuses_.empty() && poses_.empty() && !waited_for_pose && publishers(poses_in_) > 0) {  // a slow camera
         until += 3 * a_moment;
         waited_for_pose = true;
       }
@@ -356,6 +356,20 @@ class StatusListener {
     std::vector<Sample> values;
     for (const auto& [_, sample] : newest) values.push_back(sample);
     return values;
+  }
+
+  static std::size_t publishers(const dds::DataReader& reader) {
+    dds::SubscriptionMatchedStatus matched;
+    const bool is_known = reader.get_subscription_matched_status(matched) == ReturnCode_t::RETCODE_OK;
+    return is_known && matched.current_count > 0 ? std::size_t(matched.current_count) : 0;
+  }
+  // Something of every discovered publisher of a status, and of each other topic that has one.
+  bool has_all() const {
+    const auto has = [](const dds::DataReader& reader, const auto& samples) {
+      return !samples.empty() || publishers(reader) == 0;
+    };
+    return statuses_.size() >= publishers(statuses_in_) && has(times_in_, times_) && has(clocks_in_, clocks_) &&
+           has(hosts_in_, hosts_) && has(poses_in_, poses_) && has(sets_in_, sets_) && has(positions_in_, positions_);
   }
 
   void take_all() {

@@ -80,6 +80,7 @@ std::string to_json(const msg::CameraPose& s) {
                {"state", idl::state_name(s.state())},
                {"position", s.position()},
                {"orientation", s.orientation()},
+               {"covariance", s.covariance()},
                {"sigma", {std::sqrt(s.covariance()[0]), std::sqrt(s.covariance()[7]), std::sqrt(s.covariance()[14])}},
                {"features_in_view", s.features_in_view()},
                {"features_matched", s.features_matched()},

@@ -73,13 +73,28 @@ std::string utc(truth::Timestamp at) {
 }
 
 // The truth of these targets on their clock; reports targets without one.
-truth::Truth matched_truth(const PlotOptions& options, const std::vector<std::string>& targets) {
+truth::Truth matched_truth(const PlotOptions& options, const std::map<std::string, std::vector<TrackRow>>& tracks) {
   truth::Truth truth = truth::Truth::read(options.truth);
+  truth.shift(std::chrono::round<std::chrono::nanoseconds>(std::chrono::duration<double>(options.clock_offset_s)));
+  std::vector<std::string> targets;
+  std::map<std::string, std::vector<truth::Truth::Sample>> positions;
+  for (const auto& [name, rows] : tracks) {
+    targets.push_back(name);
+    for (const TrackRow& row : rows)
+      if (row.state == "tracking" && row.has_position()) positions[name].push_back({row.at, row.position});
+  }
+  for (const std::string& sentence : truth.assign(positions)) fmt::print(stderr, "huetrack: {}\n", sentence);
+  // A target with several has rows of its own while none of its objects is known.
+  std::erase_if(targets, [&](const std::string& target) {
+    return std::ranges::any_of(positions, [&](const auto& object) {
+      return object.first != target && truth::target_of(object.first) == target &&
+             truth.targets().contains(object.first);
+    });
+  });
   for (const std::string& sentence : truth.match(targets)) fmt::print(stderr, "huetrack: {}\n", sentence);
   if (std::ranges::none_of(targets, [&](const std::string& name) { return truth.targets().contains(name); }))
     throw std::runtime_error(options.truth.string() + ": has none of the targets of " + options.tracks.string() +
-                             "; huetrack compare finds out which of several objects of one colour is which ball");
-  truth.shift(std::chrono::round<std::chrono::nanoseconds>(std::chrono::duration<double>(options.clock_offset_s)));
+                             ", and no ball within 10 cm of an object of one at its time (--clock-offset)");
   return truth;
 }
 
@@ -133,8 +148,7 @@ void plot(const PlotOptions& options) {
   auto tracks = read_tracks(options.tracks);
   truth::Truth truth;
   if (!options.truth.empty()) {
-    const auto names = std::views::keys(tracks);
-    truth = matched_truth(options, {names.begin(), names.end()});
+    truth = matched_truth(options, tracks);
     align(tracks, truth, options);
   }
   std::vector<ChartTarget> targets;

@@ -100,8 +100,8 @@ std::string radius_words(const RadiusProposal& proposal, std::optional<double> c
   if (!proposal.radius_m) {
     const std::string why = "Its radius cannot be measured: " + proposal.why_not + ".";
     if (configured_m) return why;
-    return why + fmt::format(" Until a radius is set, the default is used, {:g} mm.",
-                             mm * object_tracking::TargetOptions().radius_m);
+    return why +
+           fmt::format(" Until radius_m is set, {:g} mm is assumed.", mm * object_tracking::TargetOptions().radius_m);
   }
   // Two sigmas, and no more digits than they allow.
   const double off_mm = 2 * mm * proposal.sigma_m;
@@ -116,6 +116,12 @@ std::string radius_words(const RadiusProposal& proposal, std::optional<double> c
                     "), but the configured radius is {:g} mm: take the one that is right; where a ruler says {:g} mm, "
                     "the rig's distances are wrong.",
                     mm * *configured_m, mm * *configured_m);
+}
+
+std::string unsaved_radius_words() {
+  constexpr double mm = 1e3;
+  return fmt::format("The radius is not saved, because not all places are confirmed: {:g} mm is assumed.",
+                     mm * object_tracking::TargetOptions().radius_m);
 }
 
 void add_ignored(object_tracking::IgnoredRegions& regions, const std::string& camera, const color::PixelBox& box) {

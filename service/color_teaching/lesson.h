@@ -35,6 +35,9 @@ Lesson learn(const ColorTeacher& teacher, const TeachRequestOptions& request,
 // What the user should know of the object's size, one or two sentences. configured_m: nullopt: not configured.
 std::string radius_words(const RadiusProposal& proposal, std::optional<double> configured_m);
 
+// Of a measured radius of a target without one, which is not saved while places are not confirmed.
+std::string unsaved_radius_words();
+
 // Adds a rectangle to those of a camera.
 void add_ignored(object_tracking::IgnoredRegions& regions, const std::string& camera, const color::PixelBox& box);
 

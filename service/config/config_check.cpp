@@ -1,5 +1,6 @@
 #include "config/config_check.h"
 #include "calib/files/nearest_word.h"
+#include "calib/model/placement.h"
 #include "capture/network_source.h"
 #include "color/color_name.h"
 
@@ -308,6 +309,15 @@ std::string meant_hue(const color::HsiRange& range) {
   return fmt::format("were [{:g}, {:g}] meant?", low, high);
 }
 
+std::string unset_radius_warning(const ServiceConfig& config, const object_tracking::TargetOptions& target) {
+  const bool is_measured = config.rig.cameras.size() > 1 &&
+                           config.object_tracking.observation == object_tracking::Observation::huetrack &&
+                           target.count == 1 && target.shape != object_tracking::TargetShape::blob;
+  return fmt::format("no radius of target {} is set: {:g} m is assumed{}: measure it, and set radius_m", target.name,
+                     target.radius_m,
+                     is_measured ? " until its outlines have shown another" : ", and positions are as wrong as that");
+}
+
 }  // namespace
 
 std::string teach_advice(const ServiceConfig& config, const object_tracking::TargetOptions& target,
@@ -338,6 +348,20 @@ std::string unit_mistake(const ServiceConfig& config) {
   return {};
 }
 
+std::string pose_mistake(const ServiceConfig& config) {
+  const calib::CameraRig& rig = config.rig;
+  if (!config.is_calibrated() || rig.cameras.size() < 2 || calib::middle_of(rig.cameras).is_in_all_pictures) return {};
+  const auto inverted = calib::better_inverted(rig.cameras);
+  if (!inverted) return {};
+  return fmt::format(
+      "the rig's cameras do not look at one place; with inverted poses they are up to {:.2f} m apart and look at a "
+      "place "
+      "{:.2f} m away: its poses are probably world_from_cam where cam_from_world is expected: invert them, or import "
+      "the "
+      "rig with --inverted-poses",
+      inverted->widest, inverted->distance);
+}
+
 std::vector<std::string> warnings_of(const ServiceConfig& config) {
   std::vector<std::string> warnings;
   if (!config.is_calibrated())
@@ -347,12 +371,15 @@ std::vector<std::string> warnings_of(const ServiceConfig& config) {
   for (const auto& target : config.targets)
     if (!is_taught(target))
       warnings.push_back(fmt::format("target {} has no colour yet: {}", target.name, teach_advice(config, target)));
+    else if (target.is_radius_assumed)
+      warnings.push_back(unset_radius_warning(config, target));
   for (const auto& camera : config.rig.cameras) {
     if (!config.cameras.empty() &&
         std::ranges::find(config.cameras, camera.name, &LiveCameraConfig::name) == config.cameras.end())
       warnings.push_back("camera " + camera.name + " of the rig is not among the live cameras, so run does not use it");
   }
   if (std::string warning = rig_warning(config.rig); !warning.empty()) warnings.push_back(std::move(warning));
+  if (std::string warning = pose_mistake(config); !warning.empty()) warnings.push_back(std::move(warning));
   const RecordConfig& record = config.record;
   if (!record.folder.empty() && !record.always && !(record.pre_roll_s > 0) && !config.control.allow_record)
     warnings.push_back(

@@ -228,8 +228,8 @@ void describe(Io& io, Config& config) {
   io.version(1);
   io.rig("rig", config.rig_file, "the calibrated cameras; none: not calibrated yet, `run` only shows them");
   io.named("targets", config.targets, "what to track: name, size and colour of each", [&](auto& in, auto& target) {
-    in.number("radius_m", target.radius_m, yaml::positive,
-              "of the ball (or of a ball about as large as the object), metres");
+    in.ball_radius("radius_m", target,
+                   "of the ball (or of a ball about as large as the object), metres; auto: 0.04 is assumed");
     in.choice(
         "shape", target.shape, Words<object_tracking::TargetShape>(shape_words),
         "huetrack only: ball: fits the outline; blob: centre of the colour; auto: ball, unless outlines do not fit");
@@ -400,6 +400,9 @@ class Printer {
   void integer_or(std::string_view key, std::string_view word, std::optional<int> value, yaml::Range,
                   std::string_view doc) {
     line(key, value ? std::to_string(*value) : std::string(word), doc);
+  }
+  void ball_radius(std::string_view key, const object_tracking::TargetOptions& target, std::string_view doc) {
+    line(key, target.is_radius_assumed ? "auto" : files::shortest_text(target.radius_m), doc);
   }
   void object_count(std::string_view key, const object_tracking::TargetOptions& target, std::string_view doc) {
     line(key, (target.is_up_to ? "up to " : "") + std::to_string(target.count), doc);
@@ -684,6 +687,10 @@ class Reader {
                   std::string_view) {
     if (!is_word(key, word)) value = static_cast<int>(yaml_.integer(key, range));
   }
+  void ball_radius(std::string_view key, object_tracking::TargetOptions& target, std::string_view) {
+    target.is_radius_assumed = is_word(key, "auto");
+    if (!target.is_radius_assumed) target.radius_m = yaml_.number(key, yaml::positive);
+  }
   // A number, or "up to" a number.
   void object_count(std::string_view key, object_tracking::TargetOptions& target, std::string_view) {
     if (!yaml_.has(key)) return;
@@ -938,7 +945,7 @@ ServiceConfig read_config(const fs::path& file, const yaml::YamlReader& written,
   check(config, root);
   for (auto& target : config.targets) {
     target.ignored = config.ignored;
-    if (!root.map("targets").map(target.name).has("radius_m")) config.unsized_targets.insert(target.name);
+    target.is_hue_taught = config.taught.given.contains({"targets", target.name, "color", "hue_deg"});
   }
   return config;
 }
@@ -1171,9 +1178,10 @@ std::vector<std::size_t> targets_that_differ(const ServiceConfig& before, const 
   std::vector<std::size_t> targets;
   for (std::size_t t = 0; t < after.targets.size(); ++t) {
     const object_tracking::TargetOptions &a = before.targets.at(t), &b = after.targets[t];
-    const bool is_same = a.name == b.name && a.radius_m == b.radius_m && a.shape == b.shape && a.color == b.color &&
-                         a.camera_colors == b.camera_colors && a.adapts_color == b.adapts_color && a.count == b.count &&
-                         a.is_up_to == b.is_up_to && a.ignored == b.ignored;
+    const bool is_same = a.name == b.name && a.radius_m == b.radius_m && a.is_radius_assumed == b.is_radius_assumed &&
+                         a.shape == b.shape && a.color == b.color && a.camera_colors == b.camera_colors &&
+                         a.adapts_color == b.adapts_color && a.count == b.count && a.is_up_to == b.is_up_to &&
+                         a.ignored == b.ignored;
     if (all || !is_same) targets.push_back(t);
   }
   return targets;

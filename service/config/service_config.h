@@ -137,7 +137,6 @@ struct ServiceConfig {
   // Origin of values, for people; not compared.
   std::set<yaml::KeyPath> written;  // keys that `file` itself sets
   TaughtKeys taught;
-  std::set<std::string> unsized_targets;  // targets with the default radius_m
 
   // If not, only `run` works: it shows the cameras.
   bool is_calibrated() const { return !rig_file.empty(); }
@@ -213,6 +212,9 @@ std::vector<std::string> differing_keys(const ServiceConfig& a, const ServiceCon
 std::vector<std::string> warnings_of(const ServiceConfig& config);
 // Why its lengths cannot be metres, one sentence, also one of the warnings; empty: they can.
 std::string unit_mistake(const ServiceConfig& config);
+// Why the rig's poses are probably inverted, world_from_cam where cam_from_world is expected; one sentence, also one of
+// the warnings; empty: they are not. The test of huetrack-calibrate import.
+std::string pose_mistake(const ServiceConfig& config);
 
 // Visibility of the volume, sampled on a grid.
 struct VolumeCoverage {

@@ -88,8 +88,9 @@ void set_color(Draft& draft, const object_tracking::TargetOptions& taught) {
 
 // Rounds to tenths of a millimetre.
 void set_radius(Draft& draft, const std::string& name, double radius_m) {
-  std::ranges::find(draft.config.targets, name, &object_tracking::TargetOptions::name)->radius_m =
-      std::max(1.0, std::round(radius_m * 1e4)) / 1e4;
+  const auto target = std::ranges::find(draft.config.targets, name, &object_tracking::TargetOptions::name);
+  target->radius_m = std::max(1.0, std::round(radius_m * 1e4)) / 1e4;
+  target->is_radius_assumed = false;
   draft.give({"targets", name, "radius_m"});
 }
 
@@ -307,6 +308,7 @@ void set_target(Draft& draft, const TargetEdit& edit) {
   const auto target = target_in(draft, edit.target);
   if (edit.radius_m) {
     target->radius_m = *edit.radius_m;
+    target->is_radius_assumed = false;
     draft.give({"targets", edit.target, "radius_m"});
   }
   if (!edit.hue_deg && !edit.saturation && !edit.intensity) return;
@@ -345,7 +347,7 @@ void give_whole(Draft& draft, const object_tracking::TargetOptions& target) {
     for (const char* part : keys) key.emplace_back(part);
     draft.give(key);
   };
-  if (!draft.config.unsized_targets.contains(target.name)) give({"radius_m"});
+  if (!target.is_radius_assumed) give({"radius_m"});
   for (const char* key : {"shape", "count"}) give({key});
   if (target.color != untaught_color)
     for (const char* key : {"hue_deg", "saturation", "intensity", "adapt"}) give({"color", key});
@@ -379,10 +381,10 @@ fs::path add_target(const fs::path& config, const TargetEdit& edit) {
     refuse_name(draft, edit.target);
     object_tracking::TargetOptions fresh;
     fresh.name = edit.target;
+    fresh.is_radius_assumed = true;
     fresh.color = untaught_color;
     fresh.ignored = draft.config.ignored;
     draft.config.targets.push_back(fresh);
-    draft.config.unsized_targets.insert(edit.target);
     give_whole(draft, fresh);
     set_target(draft, edit);
   });
@@ -396,7 +398,6 @@ fs::path rename_target(const fs::path& config, const std::string& from, const st
     draft.take_away({"targets", from});
     target.name = to;
     draft.config.targets.push_back(target);
-    if (draft.config.unsized_targets.erase(from) > 0) draft.config.unsized_targets.insert(to);
     give_whole(draft, target);
   });
 }
@@ -413,7 +414,8 @@ fs::path save_rig(const fs::path& config, const fs::path& rig, const std::option
     const bool was_calibrated = draft.config.is_calibrated();
     draft.config.rig_file = rig;
     draft.give({"rig"});
-    if (by && by->radius_m && draft.config.unsized_targets.contains(by->target))
+    const auto waved = by ? find_target(draft.config.targets, by->target) : draft.config.targets.end();
+    if (waved != draft.config.targets.end() && waved->is_radius_assumed && by->radius_m)
       set_radius(draft, by->target, *by->radius_m);
     const yaml::KeyPath min = {"object_tracking", "volume", "min"}, max = {"object_tracking", "volume", "max"};
     if (was_calibrated || draft.is_said(min) || draft.is_said(max)) return;

@@ -20,6 +20,7 @@
 #include "hosts/camera_host.h"
 #include "pipeline/session.h"
 #include "publish/estimate_publisher.h"
+#include "reports/search_advice.h"
 #include "tracks/objects_comparison.h"
 #include "tracks/track_csv.h"
 #include "tracks/truth_comparison.h"
@@ -34,7 +35,7 @@ void print_hue(const object_tracking::TargetOptions& target) {
   std::printf("# %s: ", target.name.c_str());
   if (isatty(STDOUT_FILENO) != 0)
     std::printf("\033[48;2;%d;%d;%dm    \033[0m ", byte(middle.r), byte(middle.g), byte(middle.b));
-  const std::string opencv = color::other_unit_text(target.color);
+  const std::string opencv = reports::other_unit_text(target);
   std::printf("%s%s%s\n", color::hue_text(target.color).c_str(), opencv.empty() ? "" : "; ", opencv.c_str());
 }
 
@@ -47,8 +48,8 @@ void print_targets(const config::ServiceConfig& config) {
       std::printf("# %s: it has no colour yet: %s\n", target.name.c_str(),
                   config::teach_advice(config, target).c_str());
     }
-    if (config.unsized_targets.contains(target.name))
-      std::printf("# %s: no radius is set: %g m is the default\n", target.name.c_str(), target.radius_m);
+    if (target.is_radius_assumed)
+      std::printf("# %s: no radius is set: %g m is assumed\n", target.name.c_str(), target.radius_m);
   }
 }
 
@@ -141,18 +142,12 @@ Tracks tracks_or_name_swap(const CompareCommand& command) {
   }
 }
 
-// Of "ball_3": ball; of other names the name.
-std::string target_of(const std::string& name) {
-  const auto end = name.find_last_not_of("0123456789");
-  return end != name.npos && end > 0 && end + 1 < name.size() && name[end] == '_' ? name.substr(0, end) : name;
-}
-
 // Takes the tracks of targets with several objects out of `tracks`, and prints their figures. Not if the truth has
 // balls of their own names.
 void compare_objects(Tracks& tracks, const tracks::Truth& truth) {
   std::set<std::string> targets, several;
   for (const auto& [name, _] : tracks) {
-    const std::string target = target_of(name);
+    const std::string target = truth::target_of(name);
     targets.insert(target);
     if (target != name && !truth.targets().contains(name)) several.insert(target);
   }
@@ -162,7 +157,7 @@ void compare_objects(Tracks& tracks, const tracks::Truth& truth) {
     std::map<std::uint64_t, std::vector<object_tracking::ObjectEstimate>> sets;
     std::uint32_t number = 0;
     std::erase_if(tracks, [&](const auto& track) {
-      if (target_of(track.first) != target) return false;
+      if (truth::target_of(track.first) != target) return false;
       for (const object_tracking::ObjectEstimate& estimate : track.second)
         sets[estimate.set_number].emplace_back(estimate).object = number;
       ++number;

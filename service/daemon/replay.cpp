@@ -27,6 +27,7 @@
 #include "pipeline/session.h"
 #include "recordings/recording.h"
 #include "recordings/replay_source.h"
+#include "reports/radius_advice.h"
 #include "reports/reports.h"
 #include "reports/search_advice.h"
 
@@ -268,6 +269,17 @@ std::string doubt_advice(const TargetSummary& summary, const object_tracking::Ta
   return seldom.empty() ? reports::unsure_advice(double(sets.unsure()) / double(sets.tracked()), target) : seldom;
 }
 
+// A radius that nobody gave is a mistake, unless the outlines have shown it.
+void note_unset_radius(TargetSummary& target, const object_tracking::TargetOptions& options,
+                       std::vector<std::string>& mistakes) {
+  if (!options.is_radius_assumed || !target.first_tracking_set) return;
+  std::string text = reports::unset_radius_text(target.shown_radius_m, target.is_radius_known, options);
+  if (target.is_radius_known)
+    target.unset_radius = std::move(text);
+  else
+    mistakes.push_back(std::move(text));
+}
+
 // Where the rig does not explain the views: cameras whose files turn their pictures by a tag. Empty: none.
 std::string turned_text(const recordings::ReplaySource& source) {
   std::vector<std::string> turned;
@@ -346,6 +358,12 @@ ReplaySummary summary_of(const config::ServiceConfig& config, const ReplayComman
     TargetSummary& target = summary.targets[t];
     if (do_views_contradict) target.outlines.radius_m.reset();
     if (config::is_taught(config.targets[t])) target.color = color::hue_text(config.targets[t].color);
+    if (target.lost_share() > reports::most_lost_share && config::is_taught(config.targets[t]) &&
+        target.first_tracking_set) {
+      target.advice = reports::lost_advice(target.lost_share(), figures.searches_of_run[t], config.targets[t], cameras,
+                                           do_views_contradict);
+      continue;
+    }
     if (target.first_tracking_set) {
       if (target.first_tracking_s > usual_search_s)
         target.advice = reports::late_advice(figures.searches[t], config.targets[t], do_views_contradict);
@@ -360,6 +378,33 @@ ReplaySummary summary_of(const config::ServiceConfig& config, const ReplayComman
   }
   summary.camera = tally.camera();
   return summary;
+}
+
+// The mistakes, and without the advice that they make void. at_end: the configuration in force then.
+void add_mistakes(const config::ServiceConfig& config, const config::ServiceConfig& at_end,
+                  const recordings::ReplaySource& source, const reports::Reports& reports, ReplaySummary& summary) {
+  summary.mistakes = reports.mistakes.summary();
+  std::ranges::copy(source.mistakes(), std::back_inserter(summary.mistakes));
+  for (const std::string& reason : {turned_text(source), rates_text(source)})
+    if (reports.mistakes.has_explained_rig() && !reason.empty()) summary.mistakes.push_back(reason);
+  const std::string unit_mistake = config::unit_mistake(config);
+  if (!unit_mistake.empty()) summary.mistakes.push_back(unit_mistake);
+  const auto is_found = [](const TargetSummary& target) { return target.first_tracking_set.has_value(); };
+  const bool is_all_found = std::ranges::all_of(summary.targets, is_found);
+  // A rig that works may stand as it likes.
+  const std::string poses = is_all_found && !reports.mistakes.do_views_contradict() ? "" : config::pose_mistake(config);
+  if (!poses.empty()) summary.mistakes.push_back(poses);
+  const std::string grey = grey_text(source, at_end);
+  if (!grey.empty()) summary.mistakes.push_back(grey);
+  // Advice about the search would mislead next to a mistake that explains the problem.
+  for (TargetSummary& target : summary.targets) {
+    const bool is_tracked = target.first_tracking_set.has_value();
+    if (!unit_mistake.empty() || !poses.empty() || !grey.empty() || (is_tracked && !summary.mistakes.empty()) ||
+        reports.mistakes.has_explained_rig())
+      target.advice.clear();
+  }
+  for (std::size_t t = 0; t < summary.targets.size(); ++t)
+    note_unset_radius(summary.targets[t], at_end.targets[t], summary.mistakes);
 }
 
 }  // namespace
@@ -416,21 +461,7 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
                                      stop.stop_requested(), reports.mistakes.do_views_contradict());
   if (playback.played != nullptr) summary.held_s = capture::seconds(playback.played->paused());
   summary.wall_s -= summary.held_s;
-  summary.mistakes = reports.mistakes.summary();
-  std::ranges::copy(playback.source().mistakes(), std::back_inserter(summary.mistakes));
-  for (const std::string& reason : {turned_text(playback.source()), rates_text(playback.source())})
-    if (reports.mistakes.has_explained_rig() && !reason.empty()) summary.mistakes.push_back(reason);
-  const std::string unit_mistake = config::unit_mistake(config);
-  if (!unit_mistake.empty()) summary.mistakes.push_back(unit_mistake);
-  const std::string grey = grey_text(playback.source(), session.config());
-  if (!grey.empty()) summary.mistakes.push_back(grey);
-  // Advice about the search would mislead next to a mistake that explains the problem.
-  for (TargetSummary& target : summary.targets) {
-    const bool is_tracked = target.first_tracking_set.has_value();
-    if (!unit_mistake.empty() || !grey.empty() || (is_tracked && !summary.mistakes.empty()) ||
-        reports.mistakes.has_explained_rig())
-      target.advice.clear();
-  }
+  add_mistakes(config, session.config(), playback.source(), reports, summary);
   summary.clutter = reports.objects.summary();
   summary.light = reports.light.summary();
   summary.times = reports.times.summary();

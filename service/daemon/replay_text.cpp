@@ -5,6 +5,7 @@
 
 #include "calib/files/text_file.h"
 #include "daemon/replay.h"
+#include "reports/search_advice.h"
 #include "view_watch/view_watch.h"
 
 namespace huetrack::daemon {
@@ -83,10 +84,11 @@ std::string target_text(const TargetSummary& target) {
   if (target.objects > 0)
     text += fmt::format("          objects found: {}, at most {} at once\n", target.objects, target.most_objects);
   if (target.outlines.radius_m) {
-    const auto [least_m, largest_m] = view_watch::radius_range(target.outlines);
+    const auto [least_m, largest_m] = view_watch::radius_range(target.outlines, target.radius_m);
     text += fmt::format("          radius by its outlines: {:.1f} mm; blur, shade and hands leave {:.0f} to {:.0f}\n",
                         1e3 * *target.outlines.radius_m, 1e3 * least_m, 1e3 * largest_m);
   }
+  if (!target.unset_radius.empty()) text += "          " + target.unset_radius + "\n";
   if (target.truth) text += "          " + tracks::to_text(*target.truth) + "\n";
   if (target.objects_truth) text += "          " + tracks::to_text(*target.objects_truth) + "\n";
   if (target.explanation) text += "          " + truth::to_text(*target.explanation, 0) + "\n";
@@ -140,9 +142,11 @@ std::string to_text(const ReplaySummary& s, const ReplayCommand& command) {
 }
 
 bool has_trouble(const ReplaySummary& s) {
-  const auto is_never_tracked = [](const TargetSummary& target) { return !target.first_tracking_set; };
+  const auto is_hardly_tracked = [](const TargetSummary& target) {
+    return !target.first_tracking_set || target.lost_share() > reports::most_lost_share;
+  };
   return !s.mistakes.empty() || s.has_camera_trouble || s.has_lost_color ||
-         std::ranges::any_of(s.targets, is_never_tracked);
+         std::ranges::any_of(s.targets, is_hardly_tracked);
 }
 
 // The most important explanation is last.

@@ -29,6 +29,15 @@ double rate(std::uint64_t now, std::uint64_t then, capture::Duration window) {
   return window.count() > 0 ? static_cast<double>(now - then) / capture::seconds(window) : 0;
 }
 
+// The two counts of the last second or so; empty: less than one set in twenty, as another program's start costs.
+std::string dropped_text(std::uint64_t dropped, std::uint64_t tracked) {
+  if (20 * dropped < dropped + tracked || dropped == 0) return {};
+  return fmt::format(
+      "{:.0f} % of the frame sets are dropped, because tracking is too slow for this machine: lower the cameras' frame "
+      "rate or size, track fewer targets, or stop other programs",
+      100 * double(dropped) / double(dropped + tracked));
+}
+
 // One for all cameras of the host.
 void add_clock(const capture::HostClock& clock, const std::string& camera, publish::ServiceStatus& status) {
   const auto known =
@@ -109,7 +118,12 @@ publish::ServiceStatus StatusReporter::report(const pipeline::PipelineFigures& f
   status.incomplete_sets = figures.frame_sets.incomplete_sets;
   status.late_frames = figures.frame_sets.late_frames;
   status.dropped_sets = figures.sets_dropped;
-  if (past_) status.set_rate_hz = rate(figures.sets_tracked, past_->figures.sets_tracked, window);
+  if (past_) {
+    const std::uint64_t tracked = figures.sets_tracked - past_->figures.sets_tracked;
+    status.set_rate_hz = rate(figures.sets_tracked, past_->figures.sets_tracked, window);
+    if (std::string text = dropped_text(figures.sets_dropped - past_->figures.sets_dropped, tracked); !text.empty())
+      status.warnings.push_back(std::move(text));
+  }
   for (std::size_t c = 0; c < status.cameras.size(); ++c) {
     const pipeline::CameraFigures& camera = figures.cameras[c];
     publish::CameraStatus& out = status.cameras[c];

@@ -1,13 +1,17 @@
 #include "daemon/tally.h"
 
+#include <algorithm>
+
 namespace huetrack::daemon {
 
 using Clock = std::chrono::steady_clock;
 
-Tally::Tally(const config::ServiceConfig& config, const tracks::Truth* truth) {
+Tally::Tally(const config::ServiceConfig& config, const tracks::Truth* truth)
+    : moving_camera_(config.rig.index_of(config.camera_tracking.camera)) {
   for (const auto& target : config.targets) {
-    Target& added = targets_.emplace_back(
-        Target{.summary = {.name = target.name, .tracked = {target.radius_m, config.rig.cameras.size()}}});
+    Target& added = targets_.emplace_back(Target{.summary = {.name = target.name,
+                                                             .radius_m = target.radius_m,
+                                                             .tracked = {target.radius_m, config.rig.cameras.size()}}});
     if (truth == nullptr) continue;
     const auto& volume = config.object_tracking.volume;
     if (target.count == 1 && truth->targets().contains(target.name)) added.comparison.emplace(*truth, target.name);
@@ -41,9 +45,34 @@ void Tally::on_set(const pipeline::TrackedSet& set) {
     if (auto& objects = targets_[target].objects) objects->add(set.frames.at, own.first(count));
     own = own.subspan(count);
   }
-  for (std::size_t t = 0; t < targets_.size() && t < set.trackers.size(); ++t)
-    targets_[t].summary.outlines = set.trackers[t].outline_findings();
+  note_lost(set);
+  for (std::size_t t = 0; t < targets_.size() && t < set.trackers.size(); ++t) {
+    const auto& tracker = set.trackers[t];
+    TargetSummary& summary = targets_[t].summary;
+    summary.outlines = tracker.outline_findings();
+    summary.is_radius_known = tracker.is_radius_known();
+    summary.shown_radius_m = tracker.shown_radius_m();
+    if (summary.shown_radius_m) summary.radius_m = *summary.shown_radius_m;
+  }
   sets_until_ = Clock::now();
+}
+
+void Tally::note_lost(const pipeline::TrackedSet& set) {
+  const auto& frames = set.frames.frames;
+  std::size_t still = frames.size(), delivered = 0;
+  for (std::size_t c = 0; c < frames.size(); ++c) {
+    const bool moves = moving_camera_ && *moving_camera_ == int(c);
+    still -= moves ? 1 : 0;
+    delivered += frames[c] && !moves ? 1 : 0;
+  }
+  if (delivered == 0 || delivered < std::min<std::size_t>(2, still)) return;
+  std::vector<bool> has_position(targets_.size(), false);
+  for (const auto& estimate : set.estimates)
+    if (estimate.has_position()) has_position[estimate.target] = true;
+  for (std::size_t t = 0; t < targets_.size(); ++t) {
+    ++targets_[t].summary.delivered_sets;
+    targets_[t].summary.lost_sets += has_position[t] ? 0 : 1;
+  }
 }
 
 void Tally::on_camera_pose(const pipeline::TrackedFrame& frame) {

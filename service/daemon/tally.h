@@ -18,6 +18,7 @@ namespace huetrack::daemon {
 
 struct TargetSummary {
   std::string name;
+  double radius_m = 0;     // in force
   std::string color = {};  // what its hue_deg means; empty: it has none yet
   reports::TrackedSets tracked = {};
   std::map<object_tracking::TrackState, std::uint64_t> sets = {};  // per state
@@ -29,7 +30,13 @@ struct TargetSummary {
   std::optional<tracks::ObjectsFigures> objects_truth = {};  // with `count`, instead of truth
   std::optional<truth::Explanation> explanation = {};        // of most of its error
   object_tracking::OutlineFindings outlines = {};            // radius by its outlines
+  bool is_radius_known = true;                               // false: assumed, and the outlines have shown none
+  std::optional<double> shown_radius_m = {};                 // in force instead of the assumed one
+  std::string unset_radius = {};                             // nobody gave one; its outlines have shown it
+  std::uint64_t delivered_sets = 0, lost_sets = 0;           // with cameras enough; of them without a position
   std::string advice = {};                                   // if it was never tracked, late, or perhaps something else
+
+  double lost_share() const { return delivered_sets > 0 ? double(lost_sets) / double(delivered_sets) : 0; }
 };
 
 struct CameraSummary {
@@ -63,7 +70,10 @@ class Tally final : public pipeline::Output {
     std::uint64_t objects_now = 0;
     void add(const object_tracking::ObjectEstimate& estimate, std::uint64_t set);
   };
-  std::vector<Target> targets_;  // this and all up to sets_until_: the tracking thread's
+  void note_lost(const pipeline::TrackedSet& set);
+
+  const std::optional<int> moving_camera_;  // of the rig: object tracking does not use it
+  std::vector<Target> targets_;             // this and all up to sets_until_: the tracking thread's
   std::uint64_t sets_ = 0;
   std::optional<capture::Timestamp> last_at_;
   std::chrono::steady_clock::time_point sets_until_;

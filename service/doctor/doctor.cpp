@@ -286,7 +286,14 @@ class Doctor {
     if (const auto both = pipeline::one_under_two_names(config_->cameras))
       say({Grade::problem, "cameras: " + *both, "give each its own device: run refuses to start otherwise"});
     if (config_->cameras.empty())
-      say({Grade::warning, "cameras: none, so it is for replay only", "add the devices listed below"});
+      say({Grade::warning, "cameras: none, so it is for replay only",
+           lists_devices() ? "to track live, add the cameras that are listed below to its cameras:"
+                           : "to track live, plug cameras in, and add them to its cameras:"});
+  }
+
+  // Whether there are cameras on this machine, which look_at_cameras() lists.
+  static bool lists_devices() {
+    return std::ranges::any_of(capture::list_v4l2_nodes(), &capture::V4l2Node::is_capture);
   }
 
   // For a camera host.
@@ -370,10 +377,12 @@ class Doctor {
           say({Grade::warning, warning->second, ""});
         if (error)
           say({Grade::problem, camera.device.string() + " is not there",
-               "plug it in, or use one of those below; the service starts without it and uses it when it appears"});
+               fmt::format("plug it in{}; the service starts without it and uses it when it appears",
+                           lists_devices() ? ", or use one of those below" : "")});
         else
           say({Grade::problem, camera.device.string() + " is not a video device",
-               "use one of those below: run refuses to start otherwise"});
+               fmt::format("use {}: run refuses to start otherwise",
+                           lists_devices() ? "one of those below" : "the node of a camera")});
         continue;
       }
       if (camera.crop && taken.contains(node)) {

@@ -10,6 +10,11 @@ std::string_view name(TrackState state) {
   return names[std::size_t(state)];
 }
 
+bool OutlineFindings::contradict(double radius_m) const {
+  const double spread = largest_radius_m / least_radius_m;
+  return largest_radius_m * spread * ratio < radius_m || least_radius_m > spread * ratio * radius_m;
+}
+
 std::string object_name(std::string_view target, std::uint32_t object) {
   return object == 0 ? std::string(target) : std::string(target) + "_" + std::to_string(object);
 }

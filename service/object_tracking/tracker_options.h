@@ -33,12 +33,14 @@ enum class TargetShape : std::uint8_t {
 struct TargetOptions {
   std::string name;                            // unique, not empty; part of the topic's name (idl/topics.h)
   double radius_m = 0.04;                      // > 0; of the ball, or of a ball of about the object's size
+  bool is_radius_assumed = false;              // nobody gave radius_m: it is this default
   TargetShape shape = TargetShape::automatic;  // observation: huetrack only
   // 1..most_count; how many objects of this colour there may be at once. More than 1: observation: huetrack only.
   int count = 1;
   static constexpr int most_count = 16;  // capacity: cost grows with pairs of regions in pairs of views
   bool is_up_to = false;                 // of count: fewer objects are normal
   color::HsiRange color;
+  bool is_hue_taught = false;  // learnt from pictures: the unit of its numbers is certain
   std::vector<std::pair<std::string, color::HsiRange>> camera_colors;  // per-camera overrides: (camera name, range)
   bool adapts_color = false;  // the ranges are adapted (color_follower.h; observation: huetrack only)
   IgnoredRegions ignored;

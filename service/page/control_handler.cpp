@@ -377,9 +377,9 @@ void ControlHandler::record(Words words, const config::ServiceConfig& config, ms
   } else if (are(words, {"stop"})) {
     reply.reason(fmt::format("Recorded to {}.", recording().stop_on_request().string()));
   } else if (are(words, {"save"})) {
+    const double held_s = pre_roll_held_s();  // before it is taken
     const std::string folder = recording().save_on_request().string();
-    reply.reason(fmt::format("Saving the last {:g} s, and {:g} more, to {}.", config.record.pre_roll_s,
-                             config.record.after_s, folder));
+    reply.reason(fmt::format("Saving the last {:.1f} s, and {:g} more, to {}.", held_s, config.record.after_s, folder));
   } else if (are(words, {"list"})) {
     list(config.record, reply);
   } else if (words.size() == 2 && words[0] == "delete") {
@@ -421,6 +421,11 @@ void ControlHandler::remove(const std::string& name, const config::RecordConfig&
   reply.reason(fmt::format("Deleted: {}.", name));
 }
 
+double ControlHandler::pre_roll_held_s() const {
+  const auto held = actions_.recording != nullptr ? actions_.recording->figures().pre_roll_held : std::nullopt;
+  return held ? capture::seconds(*held) : 0;
+}
+
 void ControlHandler::reply_state(const config::RecordConfig& record, msg::ControlReply& reply) const {
   const bool is_recording = actions_.recording != nullptr && actions_.recording->is_recording();
   const std::string folder = is_recording ? actions_.recording->folder().string() : "";
@@ -428,6 +433,7 @@ void ControlHandler::reply_state(const config::RecordConfig& record, msg::Contro
   add_row(reply, {"name", std::filesystem::path(folder).filename().string()});
   add_row(reply, {"folder", record.folder.string()});
   add_row(reply, {"pre_roll_s", fmt::format("{}", record.always ? 0 : record.pre_roll_s)});
+  add_row(reply, {"pre_roll_held_s", fmt::format("{:.1f}", pre_roll_held_s())});
   add_row(reply, {"always", record.always ? "true" : "false"});
   reply.reason(is_recording ? fmt::format("Recording to {}.", folder) : "Nothing is being recorded.");
 }

@@ -57,6 +57,7 @@ class ControlHandler {
   void history(const std::string& word, const config::ServiceConfig& config, msg::ControlReply& reply) const;
   // Applies what was just saved. Returns a sentence, after a blank, if that is not immediate.
   std::string take_over(const config::ServiceConfig& config) const;
+  double pre_roll_held_s() const;
   void reply_state(const config::RecordConfig& record, msg::ControlReply& reply) const;
   void list(const config::RecordConfig& record, msg::ControlReply& reply) const;
   void read(Words words, const config::RecordConfig& record, msg::ControlReply& reply) const;

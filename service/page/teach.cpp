@@ -385,7 +385,7 @@ bool holds_on_recording(const color_teaching::Lesson& lesson, const TeachCommand
   if (command.accept && !holds) {
     fmt::print(stderr, "huetrackd: nothing is saved: with the learnt colour, {}: {}\n", words,
                what_to_try(lesson, trial, config.rig.cameras[std::size_t(seen.point.camera)], seen.point.px,
-                           config.object_tracking.volume, !config.unsized_targets.contains(lesson.target.name)));
+                           config.object_tracking.volume, !lesson.target.is_radius_assumed));
     return false;
   }
   fmt::print("{} the learnt colour, {}\n", trial.is_sure && trial.is_found() ? "With" : "Warning: with", words);
@@ -426,7 +426,7 @@ int teach(const TeachCommand& command, std::stop_token stop) {
     if (!teacher.add_moment(moment)) break;
   color_teaching::Lesson lesson =
       color_teaching::learn(teacher, pointing.request, config.targets, target, config.object_tracking.volume);
-  const bool is_sized = !config.unsized_targets.contains(target.name);
+  const bool is_sized = !target.is_radius_assumed;
   print_lesson(lesson, config.rig, pictures.numbers, is_sized ? std::optional(target.radius_m) : std::nullopt);
   if (!command.pictures.empty()) {
     draw(command.pictures, config.rig, pictures.set, lesson.taught);
@@ -448,7 +448,9 @@ int teach(const TeachCommand& command, std::stop_token stop) {
       config.file, lesson.target, adds_ignored ? std::optional(pointing.request.ignored) : std::nullopt, radius_m);
   fmt::print("written into {}: the colour of {}{}\n", written.string(), target.name,
              radius_m ? ", and its radius" : "");
-  if (!radius_m && lesson.radius.radius_m && color_teaching::differs_clearly(lesson.radius, target.radius_m))
+  if (!radius_m && lesson.radius.radius_m && target.is_radius_assumed)
+    fmt::print("Warning: {} --radius saves it\n", color_teaching::unsaved_radius_words());
+  else if (!radius_m && lesson.radius.radius_m && color_teaching::differs_clearly(lesson.radius, target.radius_m))
     fmt::print("radius_m is not changed; --radius uses the one above\n");
   tell_services(config);
   return 0;

@@ -259,7 +259,7 @@ msg::TeachReply TeachingSession::look(const msg::TeachRequest& request, const co
   msg::TeachReply reply = reply_to(request);
   reply.set_number(set_number_);
   // A measured radius replaces the default. A configured radius is only changed by the user.
-  const bool is_sized = !config.unsized_targets.contains(target->name);
+  const bool is_sized = !target->is_radius_assumed;
   const auto said_radius_m = is_sized ? std::optional(target->radius_m) : std::nullopt;
   const bool agrees =
       lesson.radius.radius_m && said_radius_m && !color_teaching::differs_clearly(lesson.radius, *said_radius_m);
@@ -286,7 +286,9 @@ msg::TeachReply TeachingSession::look(const msg::TeachRequest& request, const co
                                changes_ignored ? std::optional(pointing.request.ignored) : std::nullopt, radius_m);
   });
   if (!why_not.empty()) return refusal(request, why_not);
-  reply.reason(saved(lesson, file, radius_m.has_value()) + warnings(lesson) + radius(lesson, said_radius_m));
+  const bool is_unsaved = !is_sized && !radius_m && lesson.radius.radius_m;
+  reply.reason(saved(lesson, file, radius_m.has_value()) + warnings(lesson) + radius(lesson, said_radius_m) +
+               (is_unsaved ? " " + color_teaching::unsaved_radius_words() : ""));
   return reply;
 }
 

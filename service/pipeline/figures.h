@@ -40,6 +40,7 @@ struct PipelineFigures {
   std::uint64_t sets_dropped = 0;                              // by the queue: tracking was too slow
   StageTime decode, synchronise, watch, track, publish, draw;  // watch: of calibration and mistakes
   std::vector<objects::SearchFindings> searches;               // per target, updated about once a second
+  std::vector<objects::SearchFindings> searches_of_run;        // the same of all sets since the start
   std::uint64_t camera_frames_tracked = 0;
   std::uint64_t camera_frames_dropped = 0;  // by the queue: camera tracking was too slow
   StageTime camera_track;

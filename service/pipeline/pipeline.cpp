@@ -469,10 +469,14 @@ void Pipeline::output_status() {
 }
 
 void Pipeline::update_searches() {
-  std::vector<objects::SearchFindings> searches;
-  for (const auto& tracker : trackers_) searches.push_back(tracker.search_findings());
+  std::vector<objects::SearchFindings> searches, of_run;
+  for (const auto& tracker : trackers_) {
+    searches.push_back(tracker.search_findings());
+    of_run.push_back(tracker.search_findings_of_run());
+  }
   const std::scoped_lock lock(figures_mutex_);
   figures_.searches = std::move(searches);
+  figures_.searches_of_run = std::move(of_run);
 }
 
 void Pipeline::replace_trackers(Replacement replacement) {

@@ -88,6 +88,8 @@ RecorderFigures Recorder::figures() const {
     const capture::Duration fits{camera->fits_ns.load()};
     if (fits >= capture::Duration::zero())
       figures.pre_roll_that_fits = std::min(figures.pre_roll_that_fits.value_or(fits), fits);
+    const capture::Duration held{camera->held_ns.load()};
+    if (held >= capture::Duration::zero()) figures.pre_roll_held = std::min(figures.pre_roll_held.value_or(held), held);
   }
   return figures;
 }
@@ -113,10 +115,12 @@ void Recorder::write(Camera& camera) {
       if (camera.pre_roll && camera.pre_roll->size() > 0)
         for (const capture::Frame& earlier : camera.pre_roll->take())
           if (!leaves_pre_roll_out_) to->write(earlier);
+      if (camera.pre_roll) camera.held_ns = 0;
       camera.has_begun = opened;
       if (frame) to->write(*frame);
     } else if (camera.pre_roll && frame) {
       camera.pre_roll->push(*frame);
+      camera.held_ns = camera.pre_roll->length().count();
       if (const auto fits = camera.pre_roll->cut_to()) camera.fits_ns = fits->count();
     }
   }

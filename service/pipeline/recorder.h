@@ -27,6 +27,7 @@ struct RecorderFigures {
   std::vector<recordings::RecordedCameraFigures> cameras;  // of the current or last recording
   std::vector<std::uint64_t> dropped;                      // per camera, by the queues and at the end
   std::optional<capture::Duration> pre_roll_that_fits;     // length that fits into memory; nullopt: all
+  std::optional<capture::Duration> pre_roll_held;          // of the camera that holds least; nullopt: no pre-roll
   std::optional<std::string> failure;                      // why the current or last recording failed
 };
 
@@ -66,6 +67,7 @@ class Recorder {
     BoundedQueue<capture::Frame> waiting;
     std::optional<recordings::PreRoll> pre_roll;  // the writing thread's
     std::atomic<std::int64_t> fits_ns = -1;       // of the pre-roll; -1: all
+    std::atomic<std::int64_t> held_ns = -1;       // of the pre-roll, now; -1: this camera has given no frame
     std::atomic<std::uint64_t> given_up = 0;      // frames dropped by finish()
     std::atomic<bool> is_done = false;            // the thread has finished
     std::atomic<int> has_begun = 0;               // value of opened_ of the recording whose pre-roll is written

@@ -88,6 +88,9 @@ class PreRoll {
   std::vector<capture::Frame> take();
   std::size_t bytes() const { return bytes_; }
   std::size_t size() const { return frames_.size(); }
+  capture::Duration length() const {  // from the oldest frame to the newest
+    return frames_.empty() ? capture::Duration::zero() : *newest_ - frames_.front().frame.captured_at;
+  }
   // The actual length if most_bytes limits it; nullopt: not limited.
   std::optional<capture::Duration> cut_to() const { return cut_to_; }
 

@@ -7,6 +7,7 @@
 #include <iterator>
 #include <utility>
 
+#include "reports/radius_advice.h"
 #include "reports/search_advice.h"
 
 namespace huetrack::reports {
@@ -76,6 +77,7 @@ void ObjectReport::on_set(const pipeline::TrackedSet& set) {
   check_certainty(set);
   if (sets_++ % check_sets != 0) return;
   check_clutter(set);
+  check_radius(set);
   check_extra_objects(set);
   check_other_colors(set);
 }
@@ -126,6 +128,15 @@ void ObjectReport::check_clutter(const pipeline::TrackedSet& set) {
       target.clutter[c].set(std::move(now), fmt::format("{}: the clutter of the colour of {} is gone, or has moved",
                                                         cameras_[c], options_[t].name));
     }
+  }
+}
+
+void ObjectReport::check_radius(const pipeline::TrackedSet& set) {
+  for (std::size_t t = 0; t < set.trackers.size() && t < targets_.size(); ++t) {
+    const auto shown_m = set.trackers[t].shown_radius_m();
+    if (shown_m == std::exchange(targets_[t].shown_radius_m, shown_m) || !shown_m) continue;
+    const std::scoped_lock lock(mutex_);
+    spdlog::warn("{}: {}", options_[t].name, unset_radius_text(shown_m, false, options_[t]));
   }
 }
 

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <map>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -40,7 +41,8 @@ class ObjectReport final : public pipeline::Output {
     std::map<std::uint32_t, Object> objects = {};  // alive, by number
     std::vector<Finding> clutter = {};             // per camera of the rig
     Finding extra_object = {};
-    TrackedSets tracked;  // of the window that goes on; a changed target begins one
+    std::optional<double> shown_radius_m = {};  // the tracking thread's; ObjectTracker's
+    TrackedSets tracked;                        // of the window that goes on; a changed target begins one
     Finding is_unsure = {};
     std::vector<std::uint64_t> frames_of_others = {};  // per camera: frames without this colour, at the last check
     std::vector<int> bad_checks = {};                  // per camera: consecutive checks with mostly such frames
@@ -48,6 +50,7 @@ class ObjectReport final : public pipeline::Output {
   };
   void log_objects(const pipeline::TrackedSet& set);
   void check_clutter(const pipeline::TrackedSet& set);
+  void check_radius(const pipeline::TrackedSet& set);
   void check_extra_objects(const pipeline::TrackedSet& set);
   void check_other_colors(const pipeline::TrackedSet& set);
   void check_certainty(const pipeline::TrackedSet& set);

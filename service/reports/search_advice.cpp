@@ -7,6 +7,10 @@
 
 namespace huetrack::reports {
 
+std::string other_unit_text(const object_tracking::TargetOptions& target) {
+  return target.is_hue_taught ? std::string() : color::other_unit_text(target.color);
+}
+
 namespace {
 
 std::string size_advice(const std::optional<double>& radius_m, const object_tracking::TargetOptions& target) {
@@ -14,8 +18,25 @@ std::string size_advice(const std::optional<double>& radius_m, const object_trac
   return radius_advice(objects::alike_radii(*radius_m), target);
 }
 
+std::string place_text(const Eigen::Vector3d& p) {
+  return fmt::format("{:.2f}, {:.2f}, {:.2f}", p.x(), p.y(), p.z());
+}
+
+// In most sets the ball is where nothing is searched for; empty: it is not.
+std::string outside_advice(const objects::SearchFindings& findings, const object_tracking::TargetOptions& target) {
+  if (!findings.outside || 2 * findings.sets_outside < findings.sets ||
+      !objects::are_radii_alike(findings.outside->radius_m, target.radius_m))
+    return {};
+  return fmt::format(
+      "in {:.0f} % of these sets two cameras see a ball of its colour and size outside of object_tracking.volume, at "
+      "x, "
+      "y, z from {} to {} m: extend the volume to there",
+      100 * double(findings.sets_outside) / double(findings.sets), place_text(findings.outside->places.min()),
+      place_text(findings.outside->places.max()));
+}
+
 std::string what_to_try(const objects::SearchFindings& findings, const object_tracking::TargetOptions& target,
-                        const std::vector<std::string>& cameras, bool do_views_contradict) {
+                        const std::vector<std::string>& cameras, bool do_views_contradict, bool is_found_at_times) {
   std::vector<std::string> seeing, blind;
   for (std::size_t c = 0; c < findings.sets_with_color.size() && c < cameras.size(); ++c)
     (findings.shows_color(c) ? seeing : blind).push_back(cameras[c]);
@@ -30,26 +51,51 @@ std::string what_to_try(const objects::SearchFindings& findings, const object_tr
                ? "a blob's distance takes two cameras: with one, only balls are found (shape: ball or auto)"
                : "no round region of its colour has a size that gives a distance inside the volume: check the radius, "
                  "the volume and the colour";
+  if (2 * findings.sets_in_two < findings.sets)
+    return fmt::format(
+        "two cameras see its colour at once in only {:.0f} % of these sets, and a position takes two: widen its "
+        "colour, "
+        "or turn the cameras to where it is",
+        100 * double(findings.sets_in_two) / double(findings.sets));
   if (do_views_contradict)
     return "all cameras show regions of its colour, but the views contradict one another: correct the calibration "
            "first";
+  if (is_found_at_times)
+    return "all cameras show regions of its colour, but these are no ball of its size in the volume: it is hidden, and "
+           "other things have its colour: narrow the colour, or turn a camera to where it is hidden";
   return "all cameras show regions of its colour, but their rays do not meet in the volume where a ball of its radius "
          "would look so: check the calibration and the radius, or narrow its colour";
+}
+
+std::string advice(const objects::SearchFindings& findings, const object_tracking::TargetOptions& target,
+                   const std::vector<std::string>& cameras, bool do_views_contradict, bool is_found_at_times) {
+  if (findings.sets == 0) return {};
+  // Seen in its colour and size: neither is in question.
+  if (std::string of_volume = outside_advice(findings, target); !of_volume.empty() && !do_views_contradict)
+    return of_volume;
+  const std::string opencv = other_unit_text(target);
+  return what_to_try(findings, target, cameras, do_views_contradict, is_found_at_times) + "; " +
+         color::hue_text(target.color) + (opencv.empty() ? "" : "; ") + opencv;
 }
 
 }  // namespace
 
 std::string search_advice(const objects::SearchFindings& findings, const object_tracking::TargetOptions& target,
                           const std::vector<std::string>& cameras, bool do_views_contradict) {
-  if (findings.sets == 0) return {};
-  const std::string opencv = color::other_unit_text(target.color);
-  return what_to_try(findings, target, cameras, do_views_contradict) + "; " + color::hue_text(target.color) +
-         (opencv.empty() ? "" : "; ") + opencv;
+  return advice(findings, target, cameras, do_views_contradict, false);
+}
+
+std::string lost_advice(double lost_share, const objects::SearchFindings& of_run,
+                        const object_tracking::TargetOptions& target, const std::vector<std::string>& cameras,
+                        bool do_views_contradict) {
+  const std::string why = advice(of_run, target, cameras, do_views_contradict, true);
+  return fmt::format("it has no position in {:.0f} % of the sets in which enough cameras delivered{}{}",
+                     100 * lost_share, why.empty() ? "" : "; there ", why);
 }
 
 std::string seldom_advice(double tracked_share, const object_tracking::TargetOptions& target) {
   constexpr double seldom = 0.25;  // clutter of another colour range is tracked for moments
-  const std::string opencv = color::other_unit_text(target.color);
+  const std::string opencv = other_unit_text(target);
   if (tracked_share >= seldom || opencv.empty()) return {};
   return fmt::format("it was tracked in only {:.0f} % of the sets, and may be something else; {}; {}",
                      100 * tracked_share, color::hue_text(target.color), opencv);
@@ -59,7 +105,7 @@ std::string unsure_advice(double unsure_share, const object_tracking::TargetOpti
   // Two cameras locate a ball to a part of its radius: the sigma is above it in 1.3 % of the sets at most where the
   // colour is right, and in 96 % where it is another object's (shared recordings).
   constexpr double usual = 0.5;
-  const std::string opencv = color::other_unit_text(target.color);
+  const std::string opencv = other_unit_text(target);
   if (unsure_share <= usual || opencv.empty()) return {};
   return fmt::format(
       "its sigma was above its radius, {:g} mm, in {:.0f} % of the sets in which it was tracked, so it may be "

@@ -8,10 +8,20 @@
 
 namespace huetrack::reports {
 
+// What its hue would be in another unit (color_name.h); empty where it cannot be in one, or was taught.
+std::string other_unit_text(const object_tracking::TargetOptions& target);
+
 // One sentence; empty when nothing was searched. cameras: their names, in the order of the rig. do_views_contradict:
 // MistakeReport's.
 std::string search_advice(const objects::SearchFindings& findings, const object_tracking::TargetOptions& target,
                           const std::vector<std::string>& cameras, bool do_views_contradict);
+// A target that has no position in a larger share of the sets in which enough cameras delivered is not tracked well:
+// what hides it for so long is in the picture for good, or the target is.
+inline constexpr double most_lost_share = 0.3;
+// Of a target that has none in this share of them. of_run: of all of them.
+std::string lost_advice(double lost_share, const objects::SearchFindings& of_run,
+                        const object_tracking::TargetOptions& target, const std::vector<std::string>& cameras,
+                        bool do_views_contradict);
 // Of a target that was tracked in this share of the sets, 0..1; empty where that is not seldom, or its hue cannot be
 // OpenCV's.
 std::string seldom_advice(double tracked_share, const object_tracking::TargetOptions& target);

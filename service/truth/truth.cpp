@@ -5,6 +5,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <limits>
+#include <set>
 #include <utility>
 
 #include "calib/files/csv_table.h"
@@ -58,6 +59,42 @@ std::vector<std::string> Truth::objects_of(std::string_view target, bool is_only
   return balls;
 }
 
+std::string target_of(const std::string& name) {
+  const auto end = name.find_last_not_of("0123456789");
+  return end != name.npos && end > 0 && end + 1 < name.size() && name[end] == '_' ? name.substr(0, end) : name;
+}
+
+std::vector<std::string> Truth::assign(const std::map<std::string, std::vector<Sample>>& objects) {
+  constexpr double within_m = 0.10;  // as "over 10 cm off" of a single target
+  std::set<std::string> targets;
+  for (const auto& [name, _] : objects) targets.insert(target_of(name));
+  std::map<std::string, std::string> balls;  // by object
+  for (const auto& [name, samples] : objects) {
+    if (target_of(name) == name || targets_.contains(name)) continue;
+    std::map<std::string, std::size_t> next_to;
+    for (const Sample& sample : samples) {
+      double nearest_m = within_m;
+      const std::string* next = nullptr;
+      for (const std::string& ball : objects_of(target_of(name), targets.size() == 1)) {
+        const auto at = position(ball, sample.at);
+        if (!at || !((*at - sample.position).norm() < nearest_m)) continue;
+        nearest_m = (*at - sample.position).norm();
+        next = &targets_.find(ball)->first;
+      }
+      if (next != nullptr) ++next_to[*next];
+    }
+    const auto most = std::ranges::max_element(next_to, {}, [](const auto& ball) { return ball.second; });
+    if (most != next_to.end()) balls[name] = most->first;
+  }
+  std::vector<std::string> sentences;
+  for (const auto& [name, ball] : balls) {
+    targets_[name] = targets_.find(ball)->second;
+    sentences.push_back(name + " is next to " + (ball.empty() ? "the ball without a name" : ball) +
+                        " of the truth, with which it is compared");
+  }
+  return sentences;
+}
+
 std::vector<std::string> Truth::match(std::span<const std::string> targets, std::span<const int> counts) {
   if (targets.size() == 1 && targets_.size() == 1 && !targets_.contains(targets.front())) {
     auto only = targets_.extract(targets_.begin());
@@ -81,6 +118,16 @@ std::vector<std::string> Truth::match(std::span<const std::string> targets, std:
   return sentences;
 }
 
+namespace {
+
+// Whether times of this length may be milliseconds that were read as seconds, next to a recording of that length.
+bool are_milliseconds(double own_s, double length_s) {
+  constexpr double much_longer = 100;  // a unit is a thousand
+  return length_s > 0 && own_s > much_longer * length_s;
+}
+
+}  // namespace
+
 std::vector<std::string> Truth::contradictions(Timestamp first, Timestamp last, const Eigen::AlignedBox3d& room) const {
   std::optional<Timestamp> from, to;
   Eigen::AlignedBox3d places;
@@ -97,12 +144,11 @@ std::vector<std::string> Truth::contradictions(Timestamp first, Timestamp last, 
   const std::string spans = text(seconds(from->time_since_epoch())) + " to " + text(seconds(to->time_since_epoch())) +
                             " s, and the recording's from " + text(seconds(first.time_since_epoch())) + " to " +
                             text(seconds(last.time_since_epoch())) + " s";
-  constexpr double much_longer = 100;  // a unit is a thousand
-  if (*to < first || *from > last)
+  if (are_milliseconds(own_s, length_s))
+    sentences.push_back("its times are from " + spans + ": if they are milliseconds, name the column t_ms");
+  else if (*to < first || *from > last)
     sentences.push_back("its times are from " + spans +
                         ": nothing can be compared; it needs the recording's clock, in seconds");
-  else if (length_s > 0 && own_s > much_longer * length_s)
-    sentences.push_back("its times are from " + spans + ": if they are milliseconds, name the column t_ms");
   // Most of its extent beyond ten times the room's, and within it when divided by a thousand.
   const Eigen::AlignedBox3d reach(room.center() - 5 * room.sizes(), room.center() + 5 * room.sizes());
   const Eigen::AlignedBox3d smaller(places.min() / 1000, places.max() / 1000);
@@ -125,10 +171,12 @@ std::string Truth::apart_text(std::span<const std::string> targets, Timestamp fi
   const auto span = [](Timestamp a, Timestamp b) {
     return fmt::format("{:.3f} to {:.3f} s", seconds(a.time_since_epoch()), seconds(b.time_since_epoch()));
   };
+  const bool is_unit = are_milliseconds(seconds(to - from), seconds(last - first));
   return fmt::format(
-      "nothing can be compared: the tracks are at {}, the truth at {}{}; --clock-offset says how many seconds the "
+      "nothing can be compared: the tracks are at {}, the truth at {}{}; {}--clock-offset says how many seconds the "
       "tracks' clock is ahead of the truth's",
-      span(first, last), span(from, to), is_shifted ? " with this --clock-offset" : "");
+      span(first, last), span(from, to), is_shifted ? " with this --clock-offset" : "",
+      is_unit ? "if the truth's times are milliseconds, name their column t_ms; if not, " : "");
 }
 
 void Truth::transform(const std::function<void(Eigen::Vector3d& position)>& change) {

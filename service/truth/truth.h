@@ -39,6 +39,10 @@ class Truth {
   // "swarm1", "swarm_1" of swarm.
   std::vector<std::string> objects_of(std::string_view target, bool is_only_target) const;
 
+  // Gives objects of targets with several, "swarm_3", the truth of the ball to which each is next, within 10 cm, most
+  // often; those whose name is a ball's have theirs. Returns one sentence each, for the user.
+  std::vector<std::string> assign(const std::map<std::string, std::vector<Sample>>& objects);
+
   // Where the truth can hardly be of a track from first to last (on the truth's clock) in that room: other times or
   // units. One sentence each, for the user.
   std::vector<std::string> contradictions(Timestamp first, Timestamp last, const Eigen::AlignedBox3d& room) const;
@@ -59,6 +63,9 @@ class Truth {
  private:
   std::map<std::string, std::vector<Sample>, std::less<>> targets_;
 };
+
+// Of an object "ball_3" of a target with several: ball; of other names the name.
+std::string target_of(const std::string& name);
 
 // Normalised estimation error squared (NEES), e^T C^-1 e; infinity if C is not positive definite.
 double nees(const Eigen::Vector3d& error_m, const Eigen::Matrix3d& covariance);

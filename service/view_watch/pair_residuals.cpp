@@ -284,11 +284,12 @@ double best_lateness(const PairComparison& comparison, const std::vector<Track>&
 }
 
 std::vector<double> best_latenesses(const PairComparison& comparison, const std::vector<Track>& tracks,
-                                    const TimeSigmas& times) {
-  FaultHypothesis with{.late_s = std::vector(tracks.size(), 0.0)};
+                                    const TimeSigmas& times, FaultHypothesis with) {
+  with.late_s.assign(tracks.size(), 0.0);
   for (std::size_t c = 1; c < tracks.size(); ++c) {
-    with.late_s[c] = least_costly_lateness([&](double late_s) {
-      with.late_s[c] = late_s;
+    double& of_real = with.late_s[with.really.empty() ? c : with.really[c]];
+    of_real = least_costly_lateness([&](double late_s) {
+      of_real = late_s;
       PairComparison::Agreement with_earlier;
       for (std::size_t earlier = c - std::min(c, lateness_search.most_compared); earlier < c; ++earlier)
         PairComparison::add(with_earlier, comparison.residuals(tracks, earlier, c, with, times));

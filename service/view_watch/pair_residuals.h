@@ -137,8 +137,8 @@ class PairComparison {
 double best_lateness(const PairComparison& comparison, const std::vector<Track>& tracks, std::size_t camera,
                      const TimeSigmas& times);
 
-// The same of all cameras, one after the other, relative to the first.
+// The same of all cameras, one after the other, relative to the first; with: what else is supposed.
 std::vector<double> best_latenesses(const PairComparison& comparison, const std::vector<Track>& tracks,
-                                    const TimeSigmas& times);
+                                    const TimeSigmas& times, FaultHypothesis with = {});
 
 }  // namespace huetrack::view_watch

@@ -69,9 +69,16 @@ constexpr CameraFaultTuning camera_fault{};
 struct TargetFaultTuning {
   double min_shared = 0.03;     // of a picture that has the target's colour
   double times_the_target = 4;  // of what the target can cover
-  double outline_ratio = 1.13;  // of the radius to that by outlines, either way; shade makes 6 % (experiment)
 };
 constexpr TargetFaultTuning target_fault{};
+
+// Radii that were measured as `ratio` times the given one. Only what nearly has the given size is searched for and
+// fitted, which draws them towards it, by 0.2 to 0.5 of the way from the true one where twice that was given
+// (experiment): the true radius may be as far beyond.
+std::pair<double, double> widened(std::pair<double, double> range_m, double ratio) {
+  (ratio < 1 ? range_m.first : range_m.second) *= ratio;
+  return range_m;
+}
 
 std::size_t most_samples() {
   return std::size_t(pair_sampling.window_s * view_samples.max_rate_hz);
@@ -109,18 +116,29 @@ class FaultHypotheses {
           pairs_.push_back({i, j, usual});
   }
 
-  // Frames exchanged: all orders of up to four cameras, otherwise all exchanges of two.
+  // Frames exchanged.
   void try_orders() {
-    const std::size_t n = rig_.cameras.size();
-    std::vector<std::size_t> really(n);
-    std::iota(really.begin(), really.end(), 0u);
-    if (n <= 4) {
-      while (std::next_permutation(really.begin(), really.end())) try_order(really);
-    } else {
-      for (std::size_t j = 1; j < n; ++j)
-        for (std::size_t i = 0; i < j; ++i)
-          std::swap(really[i], really[j]), try_order(really), std::swap(really[i], really[j]);
-    }
+    for_each_order([this](const std::vector<std::size_t>& really) {
+      if (auto mistake = exchanged(really)) judge(std::move(*mistake), {.really = really}, true);
+    });
+  }
+
+  // The same in videos without stamps, which did not begin together, either.
+  void try_orders_and_times() {
+    if (rig_.cameras.size() < 3 || rig_.cameras.size() > 4) return;  // two: anything is explained; more: too long
+    const TimeSigmas sigmas = sigmas_without_trigger();
+    const PairComparison::Agreement as_is = comparison_.agreement(tracks_, {}, sigmas);
+    if (as_is.worst < consistency.disagrees) return;
+    for_each_order([&](const std::vector<std::size_t>& really) {
+      auto mistake = exchanged(really);
+      if (!mistake) return;
+      FaultHypothesis hypothesis{.really = really};
+      hypothesis.late_s = best_latenesses(comparison_, tracks_, sigmas, hypothesis);
+      const auto agreement = comparison_.agreement(tracks_, hypothesis, sigmas);
+      if (!explains(agreement, as_is)) return;
+      mistake->off_px = as_is_.worst_px;
+      answers_.push_back({std::move(*mistake), agreement.score, true});
+    });
   }
 
   // It is inconsistent with two that are consistent with each other: fewer could be explained by anything.
@@ -149,11 +167,7 @@ class FaultHypotheses {
     const auto is_of_times = [](const Answer& a) { return a.mistake.kind == MistakeKind::late; };
     const std::size_t n = rig_.cameras.size();
     if (n < 3 || n > most_cameras_at_a_time || std::ranges::any_of(answers_, is_of_times)) return;
-    // Such cameras are not triggered: unless the rig states their readouts, these add to the uncertainty of times.
-    TimeSigmas sigmas = time_sigmas_;
-    for (std::size_t c = 0; c < n; ++c)
-      if (!rig_.cameras[c].timing.readout_s)
-        sigmas[c] = std::hypot(sigmas[c], usual_below_middle * object_tracking::time_prior.unknown_sigma_s);
+    const TimeSigmas sigmas = sigmas_without_trigger();
     const PairComparison::Agreement as_is = comparison_.agreement(tracks_, {}, sigmas);
     if (as_is.worst < consistency.disagrees) return;
     std::vector<double> late_s = best_latenesses(comparison_, tracks_, sigmas);
@@ -288,14 +302,40 @@ class FaultHypotheses {
     answers_.push_back({std::move(mistake), agreement.score, is_sure});
   }
 
-  void try_order(const std::vector<std::size_t>& really) {
+  // All orders of up to four cameras, otherwise all exchanges of two.
+  template <typename Try>
+  void for_each_order(const Try& try_order) {
+    const std::size_t n = rig_.cameras.size();
+    std::vector<std::size_t> really(n);
+    std::iota(really.begin(), really.end(), 0u);
+    if (n <= 4) {
+      while (std::next_permutation(really.begin(), really.end())) try_order(really);
+    } else {
+      for (std::size_t j = 1; j < n; ++j)
+        for (std::size_t i = 0; i < j; ++i)
+          std::swap(really[i], really[j]), try_order(really), std::swap(really[i], really[j]);
+    }
+  }
+
+  // nullopt: the pictures' sizes exclude it.
+  std::optional<Mistake> exchanged(const std::vector<std::size_t>& really) const {
     Mistake mistake{.kind = MistakeKind::swapped};
     for (std::size_t c = 0; c < really.size(); ++c) {
       if (really[c] == c) continue;
-      if (rig_.cameras[c].image_size != rig_.cameras[really[c]].image_size) return;
+      if (rig_.cameras[c].image_size != rig_.cameras[really[c]].image_size) return std::nullopt;
       mistake.cameras.push_back(int(c));
     }
-    judge(std::move(mistake), {.really = really}, true);
+    return mistake;
+  }
+
+  // Cameras whose times are unknown are not triggered: unless the rig states their readouts, these add to the
+  // uncertainty of times.
+  TimeSigmas sigmas_without_trigger() const {
+    TimeSigmas sigmas = time_sigmas_;
+    for (std::size_t c = 0; c < sigmas.size(); ++c)
+      if (!rig_.cameras[c].timing.readout_s)
+        sigmas[c] = std::hypot(sigmas[c], usual_below_middle * object_tracking::time_prior.unknown_sigma_s);
+    return sigmas;
   }
 
   std::optional<Mistake> of_other_rig() const {
@@ -339,14 +379,9 @@ bool is_of_rig(MistakeKind kind) {
          kind == MistakeKind::delayed;
 }
 
-std::pair<double, double> radius_range(const object_tracking::OutlineFindings& outlines) {
-  return {outlines.least_radius_m / target_fault.outline_ratio, outlines.largest_radius_m * target_fault.outline_ratio};
-}
-
-bool contradict_radius(const object_tracking::OutlineFindings& outlines, double radius_m) {
-  const double ratio = outlines.largest_radius_m / outlines.least_radius_m;
-  return outlines.largest_radius_m * ratio * target_fault.outline_ratio < radius_m ||
-         outlines.least_radius_m > ratio * target_fault.outline_ratio * radius_m;
+std::pair<double, double> radius_range(const object_tracking::OutlineFindings& outlines, double radius_m) {
+  return widened({outlines.least_radius_m / outlines.ratio, outlines.largest_radius_m * outlines.ratio},
+                 *outlines.radius_m / radius_m);
 }
 
 ViewWatch::ViewWatch(const calib::CameraRig& rig, const object_tracking::TargetOptions& target)
@@ -368,6 +403,7 @@ void ViewWatch::look(const object_tracking::ObjectEstimate& estimate, const obje
     jumps_ = JumpWatch(cameras_.size());
   }
   const double now_s = capture::seconds(set_at - *first_at_);
+  target_.radius_m = tracker.shown_radius_m().value_or(target_.radius_m);
   late_s_.clear();
   keep(estimate, tracker.regions(), now_s);
   forget_clutter(estimate, now_s);
@@ -604,6 +640,7 @@ std::optional<Mistake> ViewWatch::explained(const PairComparison::Agreement& as_
   }
   if (is_clear) hypotheses.try_all_upside_down();
   if (is_clear && (are_few || !hypotheses.has_answer())) hypotheses.try_times_of_all(time_shifts_);
+  if (is_clear && !are_few && !hypotheses.has_answer()) hypotheses.try_orders_and_times();
   return hypotheses.best();
 }
 
@@ -670,8 +707,9 @@ std::vector<Mistake> ViewWatch::of_shared_color(std::span<const object_tracking:
 // By the outlines of all views; without them by the regions of consistent pairs.
 std::optional<Mistake> ViewWatch::of_radius(const object_tracking::OutlineFindings& outlines) const {
   if (outlines.radius_m) {
-    if (!contradict_radius(outlines, target_.radius_m)) return std::nullopt;
-    return Mistake{.kind = MistakeKind::radius, .size = *outlines.radius_m, .range_m = radius_range(outlines)};
+    if (!outlines.contradict(target_.radius_m)) return std::nullopt;
+    return Mistake{
+        .kind = MistakeKind::radius, .size = *outlines.radius_m, .range_m = radius_range(outlines, target_.radius_m)};
   }
   const PairComparison comparison(rig_);
   std::vector<double> radii_m;
@@ -688,9 +726,11 @@ std::optional<Mistake> ViewWatch::of_radius(const object_tracking::OutlineFindin
   const double low_m = radii_m[radii_m.size() / 4], high_m = radii_m[3 * radii_m.size() / 4];
   const auto [least_m, largest_m] = objects::alike_radii(target_.radius_m);
   if (high_m > least_m && low_m < largest_m) return std::nullopt;
+  const double middle_m = radii_m[radii_m.size() / 2];
   return Mistake{.kind = MistakeKind::radius,
-                 .size = radii_m[radii_m.size() / 2],
-                 .range_m = {objects::alike_radii(low_m).first, objects::alike_radii(high_m).second}};
+                 .size = middle_m,
+                 .range_m = widened({objects::alike_radii(low_m).first, objects::alike_radii(high_m).second},
+                                    middle_m / target_.radius_m)};
 }
 
 // A mistake is named when it was found often enough, and as long as it is found again within some seconds.
@@ -701,7 +741,12 @@ void ViewWatch::confirm(const std::vector<Mistake>& found, double now_s) {
   if (is_wrong_)  // not tested again: unchanged
     for (Suspected& s : suspected_)
       if (is_of_rig(s.mistake.kind)) s.last_s = now_s;
+  // Where frames are exchanged no two cameras are consistent, and not every window shows whose they are.
+  const bool are_swapped = std::ranges::any_of(suspected_, [](const Suspected& s) {
+    return s.mistake.kind == MistakeKind::swapped && s.times >= consistency.min_times;
+  });
   for (const Mistake& mistake : found) {
+    if (are_swapped && mistake.kind == MistakeKind::other_rig) continue;
     const auto known =
         std::ranges::find_if(suspected_, [&](const Suspected& s) { return s.mistake.is_same_as(mistake); });
     if (known == suspected_.end()) {

@@ -65,13 +65,9 @@ struct Mistake {
   }
 };
 
-// The true radii, m, that the outlines leave: their views differ, and blur, shade and hands change them all alike.
-// outlines.radius_m has a value.
-std::pair<double, double> radius_range(const object_tracking::OutlineFindings& outlines);
-
-// Whether the outlines contradict this radius, m. A wrong radius shows in all views alike; what differs between views,
-// a hand or furniture that passes for a part of the ball, may be in all of them, too. outlines.radius_m has a value.
-bool contradict_radius(const object_tracking::OutlineFindings& outlines, double radius_m);
+// The true radii, m, that the outlines leave where this radius, m, was given: their views differ, blur, shade and hands
+// change them all alike, and search and fit are drawn towards what was given. outlines.radius_m has a value.
+std::pair<double, double> radius_range(const object_tracking::OutlineFindings& outlines, double radius_m);
 
 // thread-compatible; one per target. Costs some microseconds per set; while views are inconsistent, some milliseconds
 // twice a second.

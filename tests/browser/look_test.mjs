@@ -553,7 +553,7 @@ async function tools(address) {
   const csv = await download("#plot-csv");
   assert.equal(csv.name, "huetrack.csv");
   const [head, ...rows] = csv.content.toString().trim().split("\n");
-  assert.equal(head, "name,t,state,x,y,z,sigma_m,speed_m_s,latency_s,residual_px");
+  assert.equal(head, "target,t,x,y,z,vx,vy,vz,cxx,cxy,cxz,cyy,cyz,czz,state,views,confidence");
   const lime = rows.map((row) => row.split(",")).filter((row) => row[0] === "lime");
   const times = lime.map((row) => Number(row[1]));
   const last = times[times.length - 1];
@@ -564,7 +564,7 @@ async function tools(address) {
   // after the last sample; they begin 10 s before that, with one that is at most a tenth of a second later.
   const then = times[0] + 9.95 - at;
   const near = lime.reduce((a, b) => (Math.abs(Number(b[1]) - then) < Math.abs(Number(a[1]) - then) ? b : a));
-  said.forEach((v, i) => assert.ok(Math.abs(v - Number(near[3 + i])) < 0.15, `the cursor says ${said}, the file ${near.slice(3, 6)}`));
+  said.forEach((v, i) => assert.ok(Math.abs(v - Number(near[2 + i])) < 0.15, `the cursor says ${said}, the file ${near.slice(2, 5)}`));
   for (const [button, name] of [["#plot-png", "huetrack-plots.png"], ["#cameras .keep", "cam0-1.png"]]) {
     const picture = await download(button);
     assert.equal(picture.name, name);

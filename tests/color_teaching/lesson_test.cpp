@@ -82,7 +82,7 @@ TEST(Lesson, WordsOfTheRadius) {
   const RadiusProposal unknown{.why_not = "only one camera shows the object"};
   EXPECT_FALSE(differs_clearly(unknown, 1));
   EXPECT_EQ(radius_words(unknown, 0.04), "Its radius cannot be measured: only one camera shows the object.");
-  EXPECT_THAT(radius_words(unknown, {}), HasSubstr("the default is used, 40 mm."));
+  EXPECT_THAT(radius_words(unknown, {}), HasSubstr("Until radius_m is set, 40 mm is assumed."));
 }
 
 TEST(Lesson, RectanglesAreAddedPerCamera) {

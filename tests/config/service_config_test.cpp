@@ -10,6 +10,7 @@
 #include <sstream>
 
 #include "calib/files/config_error.h"
+#include "calib/model/placement.h"
 #include "calib/model/rig_yaml.h"
 #include "config/view_volume.h"
 
@@ -548,7 +549,7 @@ TEST_F(ServiceConfigFile, AMistakeInTheRigIsNamedInTheRig) {
 
 std::string targets_of_one_color(int count) {
   std::string text = "targets:\n";
-  for (int i = 0; i < count; ++i) text += fmt::format("  t{}: {{color: {{hue_deg: [65, 115]}}}}\n", i);
+  for (int i = 0; i < count; ++i) text += fmt::format("  t{}: {{radius_m: 0.04, color: {{hue_deg: [65, 115]}}}}\n", i);
   return text;
 }
 
@@ -558,29 +559,65 @@ TEST_F(ServiceConfigFile, MoreTargetsThanCanBeTrackedAreRefused) {
 }
 
 TEST_F(ServiceConfigFile, WarnsOfWhatIsProbablyNotMeant) {
-  EXPECT_THAT(warnings_of(load(ball)), IsEmpty());
-  EXPECT_THAT(warnings_of(load(ball + "record: {folder: recordings}\n")),
+  const std::string sized = head + "targets: {ball: {radius_m: 0.04, color: {hue_deg: [65, 115]}}}\n";
+  EXPECT_THAT(warnings_of(load(sized)), IsEmpty());
+  EXPECT_THAT(warnings_of(load(sized + "record: {folder: recordings}\n")),
               ElementsAre(HasSubstr("nothing will be recorded")));
-  EXPECT_THAT(warnings_of(load(ball + "record: {folder: recordings, always: true}\n")), IsEmpty());
-  EXPECT_THAT(
-      warnings_of(load(head + "targets: {a: {color: {hue_deg: [350, 20]}}, b: {color: {hue_deg: [10, 40]}}}\n")),
-      ElementsAre("targets a and b have overlapping colours in camera cam0 and may be taken for each other"));
-  EXPECT_THAT(warnings_of(load(head + "targets: {a: {color: {hue_deg: [160, 80]}}}\n")),
+  EXPECT_THAT(warnings_of(load(sized + "record: {folder: recordings, always: true}\n")), IsEmpty());
+  EXPECT_THAT(warnings_of(load(head + "targets: {a: {radius_m: 0.04, color: {hue_deg: [350, 20]}}, b: {radius_m: 0.04, "
+                                      "color: {hue_deg: [10, 40]}}}\n")),
+              ElementsAre("targets a and b have overlapping colours in camera cam0 and may be taken for each other"));
+  EXPECT_THAT(warnings_of(load(head + "targets: {a: {radius_m: 0.04, color: {hue_deg: [160, 80]}}}\n")),
               ElementsAre(HasSubstr("were [80, 160] meant?")));
-  EXPECT_THAT(warnings_of(load(head + "targets: {a: {color: {hue_deg: [0.18, 0.32]}}}\n")),
+  EXPECT_THAT(warnings_of(load(head + "targets: {a: {radius_m: 0.04, color: {hue_deg: [0.18, 0.32]}}}\n")),
               ElementsAre(AllOf(HasSubstr("target a: its hue_deg [0.18, 0.32] is one degree wide"),
                                 HasSubstr("shares of the circle, 0 to 1, write [65, 115]"))));
   // Red, as OpenCV has it.
-  EXPECT_THAT(warnings_of(load(head + "targets: {a: {color: {hue_deg: [170, 10]}}}\n")),
+  EXPECT_THAT(warnings_of(load(head + "targets: {a: {radius_m: 0.04, color: {hue_deg: [170, 10]}}}\n")),
               ElementsAre(HasSubstr("were [340, 20] meant, which are [170, 10] in OpenCV's units (0 to 180)?")));
   // Many targets of one colour are one line, not one for each pair.
   EXPECT_THAT(warnings_of(load(head + targets_of_one_color(40))),
               ElementsAre(testing::StartsWith("780 pairs of targets have overlapping colours")));
   // Far to the side: cam1 alone sees a part of it.
-  const auto far = load(ball + "object_tracking: {volume: {min: [-4, -4, 0], max: [4, 4, 2]}}\n");
+  const auto far = load(sized + "object_tracking: {volume: {min: [-4, -4, 0], max: [4, 4, 2]}}\n");
   const auto coverage = volume_coverage(far.rig, far.object_tracking.volume);
   ASSERT_LT(coverage.by_two, 0.5);
   EXPECT_THAT(warnings_of(far), ElementsAre(HasSubstr("of the volume is seen by two or more cameras")));
+}
+
+// It is an assumption, until it is taught.
+TEST_F(ServiceConfigFile, WarnsOfARadiusThatNobodyGave) {
+  const ServiceConfig unset = load(head + "targets: {a: {color: {hue_deg: [80, 160]}}}\n");
+  EXPECT_TRUE(unset.targets[0].is_radius_assumed);
+  EXPECT_THAT(warnings_of(unset), ElementsAre("no radius of target a is set: 0.04 m is assumed until its outlines have "
+                                              "shown another: measure it, and set radius_m"));
+  EXPECT_THAT(warnings_of(load(head + "targets: {a: {count: 2, color: {hue_deg: [80, 160]}}}\n")),
+              ElementsAre(HasSubstr("is assumed, and positions are as wrong as that")));
+  EXPECT_THAT(warnings_of(load(head + "targets: {a: {}}\n")), ElementsAre(HasSubstr("no colour yet")));
+  // A recording's configuration must not turn the assumption into a given radius.
+  EXPECT_THAT(to_portable_yaml(unset), HasSubstr("radius_m: auto"));
+  const ServiceConfig said = load(head + "targets: {a: {radius_m: auto, color: {hue_deg: [80, 160]}}}\n");
+  EXPECT_TRUE(said.targets[0].is_radius_assumed);
+  EXPECT_EQ(said.targets[0].radius_m, 0.04);
+  const ServiceConfig given = load(head + "targets: {a: {radius_m: 0.04, color: {hue_deg: [80, 160]}}}\n");
+  EXPECT_FALSE(given.targets[0].is_radius_assumed);
+  EXPECT_THAT(targets_that_differ(unset, given), ElementsAre(0u)) << "the tracker learns it, or does not";
+  EXPECT_THAT(error(head + "targets: {a: {radius_m: small}}\n"), HasSubstr("a number or the word auto"));
+}
+
+TEST_F(ServiceConfigFile, PosesThatAreProbablyInvertedAreAMistake) {
+  ServiceConfig config = load(ball);
+  EXPECT_THAT(pose_mistake(config), IsEmpty());
+  config.rig.cameras.assign(3, config.rig.cameras[0]);
+  for (int c = 0; c < 3; ++c) {  // around the room, and look at its middle
+    const Eigen::AngleAxisd about_z(2.1 * c, Eigen::Vector3d::UnitZ()), down(2.0, Eigen::Vector3d::UnitX());
+    config.rig.cameras[std::size_t(c)].cam_from_world = {Eigen::Quaterniond(down * about_z),
+                                                         Eigen::Vector3d(0, 0, 2.5)};
+  }
+  EXPECT_THAT(pose_mistake(config), IsEmpty());
+  calib::invert_poses(config.rig.cameras);
+  EXPECT_THAT(pose_mistake(config), HasSubstr("its poses are probably world_from_cam"));
+  EXPECT_THAT(warnings_of(config), testing::Contains(pose_mistake(config)));
 }
 
 TEST_F(ServiceConfigFile, LengthsThatCannotBeMetresAreAMistake) {

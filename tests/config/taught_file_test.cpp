@@ -192,27 +192,35 @@ TEST_F(TaughtFile, TargetsAreChangedByHand) {
   EXPECT_EQ(text(taught), before);
 }
 
+std::vector<std::string> assumed_in(const ServiceConfig& config) {
+  std::vector<std::string> names;
+  for (const auto& target : config.targets)
+    if (target.is_radius_assumed) names.push_back(target.name);
+  return names;
+}
+
 TEST_F(TaughtFile, ARadiusThatNobodySaidIsTaughtWithTheColour) {
   with(by_hand);
   add_target(file, {.target = "wand"});
   ServiceConfig config = load_service_config(file);
-  EXPECT_THAT(config.unsized_targets, Contains("wand"));
-  EXPECT_THAT(config.unsized_targets, Not(Contains("ball")));
+  EXPECT_THAT(assumed_in(config), ElementsAre("other", "wand"));
   EXPECT_THAT(text(taught), Not(HasSubstr("radius_m")));
   rename_target(file, "wand", "stick");
-  EXPECT_THAT(load_service_config(file).unsized_targets, AllOf(Contains("stick"), Not(Contains("wand"))));
+  EXPECT_THAT(assumed_in(load_service_config(file)), ElementsAre("other", "stick"));
 
   TargetOptions stick = load_service_config(file).targets.back();
-  stick.color = {.hue_min_deg = 200, .hue_max_deg = 220};
+  stick.color = {.hue_min_deg = 20, .hue_max_deg = 40};
+  EXPECT_FALSE(stick.is_hue_taught);
   save_taught(file, stick, {});
-  EXPECT_THAT(load_service_config(file).unsized_targets, Contains("stick"));
+  EXPECT_TRUE(load_service_config(file).targets.back().is_hue_taught);
+  EXPECT_THAT(assumed_in(load_service_config(file)), ElementsAre("other", "stick"));
   save_taught(file, stick, {}, 0.037249);
   config = load_service_config(file);
-  EXPECT_THAT(config.unsized_targets, Not(Contains("stick")));
+  EXPECT_THAT(assumed_in(config), ElementsAre("other"));
   EXPECT_EQ(config.targets.back().radius_m, 0.0372);
   EXPECT_THAT(to_yaml_with_origins(config), ContainsRegex("radius_m: 0.0372 *#.*taught"));
   undo_taught(file);
-  EXPECT_THAT(load_service_config(file).unsized_targets, Contains("stick"));
+  EXPECT_THAT(assumed_in(load_service_config(file)), ElementsAre("other", "stick"));
 }
 
 TEST_F(TaughtFile, TargetsAreAddedRenamedAndRemoved) {
@@ -387,7 +395,7 @@ TEST_F(TaughtFile, CheckSaysWhatComesFromIt) {
   EXPECT_THAT(to_yaml_with_origins(config),
               AllOf(ContainsRegex("      hue_deg: .1, 2. +# from lab.yaml; .from, to.; "),
                     ContainsRegex("rig: .* # from lab.yaml; the calibrated cameras"),
-                    HasSubstr("    radius_m: 0.04                          # of the ball")));
+                    HasSubstr("    radius_m: auto                          # of the ball")));
   TargetOptions target = config.targets[0];
   target.color.hue_min_deg = 0.5;
   target.camera_colors.clear();
@@ -397,7 +405,7 @@ TEST_F(TaughtFile, CheckSaysWhatComesFromIt) {
   EXPECT_THAT(printed, HasSubstr("      hue_deg: [0.5, 2]                     # from lab.taught.yaml; [from, to]; "));
   EXPECT_THAT(printed, HasSubstr("    camera_colors: {} "));
   EXPECT_THAT(printed, HasSubstr("\n      # without cam0: from lab.taught.yaml\n"));
-  EXPECT_THAT(printed, HasSubstr("    radius_m: 0.04                          # of the ball"));  // the default
+  EXPECT_THAT(printed, HasSubstr("    radius_m: auto                          # of the ball"));  // the default
   // The values are the same, and load back by themselves; where they come from is no part of them.
   EXPECT_EQ(to_yaml(after).find("lab.taught"), std::string::npos);
   fs::create_directory(folder / "elsewhere");

@@ -65,6 +65,18 @@ TEST_F(Reporter, HealthFollowsTheFrames) {
   EXPECT_EQ(reporter_.report(figures_, start_ + 3s, {}).cameras[0].health, publish::CameraStatus::Health::ended);
 }
 
+TEST_F(Reporter, WarnsWhileSetsAreDropped) {
+  const auto dropped = testing::Contains(testing::HasSubstr("of the frame sets are dropped"));
+  reporter_.report(figures_, start_, {});
+  figures_.sets_tracked = 29, figures_.sets_dropped = 1;
+  EXPECT_THAT(reporter_.report(figures_, start_ + 1s, {}).warnings, testing::Not(dropped)) << "one in thirty";
+  figures_.sets_tracked = 49, figures_.sets_dropped = 11;
+  EXPECT_THAT(reporter_.report(figures_, start_ + 2s, {}).warnings,
+              testing::Contains(testing::HasSubstr("33 % of the frame sets are dropped")));
+  figures_.sets_tracked = 79;
+  EXPECT_THAT(reporter_.report(figures_, start_ + 3s, {}).warnings, testing::Not(dropped)) << "over";
+}
+
 TEST_F(Reporter, RatesContinueAfterAReload) {
   reporter_.report(figures_, start_, {});
   figures_.sets_tracked = 25;

@@ -79,7 +79,7 @@ TEST_F(RecordLive, ARecordingIsMadeByCommandFetchedAndReplayed) {
 
   const Result saved = control({"record", "save"});
   ASSERT_EQ(saved.status, 0) << saved.err;
-  EXPECT_THAT(saved.err, HasSubstr("Saving the last 2 s, and 0.5 more, to " + recordings.string()));
+  EXPECT_THAT(saved.err, ContainsRegex("Saving the last [0-9.]+ s, and 0.5 more, to " + recordings.string()));
   EXPECT_TRUE(comes_true([&] {
     const auto all = listed();
     return all.size() == 2 && std::ranges::all_of(all, [](const auto& row) { return row.second.at(5) == "done"; });

@@ -400,6 +400,35 @@ TEST_F(EndToEnd, ARigInMillimetresIsTheMistake) {
   EXPECT_THAT(replayed.out, Not(HasSubstr("check the calibration and the radius")));
 }
 
+// A volume beside the ball, and a colour that one camera does not show.
+TEST_F(EndToEnd, ATargetThatIsMostlyLostIsExplainedAndFailsStrict) {
+  const std::string beside = write("version: 1\nrig: " + (demo / "recording/rig.yaml").string() +
+                                       "\ntargets: {lime: {radius_m: 0.04, color: {hue_deg: [65, 115]}}}\n"
+                                       "object_tracking: {volume: {min: [-2, -2, 0], max: [-1.5, 2, 3]}}\n",
+                                   "beside.yaml");
+  const Result replayed = run({HUETRACKD, "replay", beside, recording, "--no-dds", "--strict"});
+  EXPECT_EQ(replayed.status, 3) << replayed.out;
+  EXPECT_THAT(replayed.out, HasSubstr("outside of object_tracking.volume, at x, y, z from "));
+}
+
+// It is measured: what nobody gave is said, and fails nothing.
+TEST_F(EndToEnd, ARadiusThatNobodyGaveIsSaid) {
+  const std::string head = "version: 1\nrig: " + (demo / "recording/rig.yaml").string() + "\ntargets: {lime: {";
+  const auto replayed = [&](const std::string& more) {
+    return run({HUETRACKD, "replay", write(head + more + "color: {hue_deg: [65, 115]}}}\n", "unset.yaml"), recording,
+                "--no-dds", "--strict"});
+  };
+  const Result measured = replayed("");
+  EXPECT_EQ(measured.status, 0) << measured.out;
+  EXPECT_THAT(measured.err, HasSubstr("no radius of target lime is set: 0.04 m is assumed"));
+  EXPECT_THAT(measured.out,
+              HasSubstr("no radius is set: 0.04 m is assumed, which its outlines do not contradict: set radius_m"));
+  const Result unmeasured = replayed("shape: blob, ");
+  EXPECT_EQ(unmeasured.status, 3);
+  EXPECT_THAT(unmeasured.out, HasSubstr("  mistake no radius of lime is set, and its outlines show none"));
+  EXPECT_EQ(replayed("shape: blob, radius_m: 0.04, ").status, 0);
+}
+
 // Too short for what the views agree on to be a mistake: what the search saw says it.
 TEST_F(EndToEnd, ARadiusOfTwiceTheSizeIsSaidWhereNothingLocks) {
   const fs::path fast = fs::path(HUETRACK_SHARED_DATA) / "rendered/fast_60fps";
@@ -442,7 +471,7 @@ TEST_F(EndToEnd, ATargetWithoutAColorIsSaidToHaveNone) {
   EXPECT_THAT(checked.out, Not(HasSubstr("hue_deg")));
   EXPECT_THAT(checked.out, HasSubstr("# color: not taught yet"));
   EXPECT_THAT(checked.out, HasSubstr("# lime: it has no colour yet: click on it"));
-  EXPECT_THAT(checked.out, HasSubstr("# lime: no radius is set: 0.04 m is the default"));
+  EXPECT_THAT(checked.out, HasSubstr("# lime: no radius is set: 0.04 m is assumed"));
   EXPECT_EQ(config::to_yaml(config::load_service_config(write(checked.out, "resolved.yaml"))),
             config::to_yaml(config::load_service_config(untaught)));
   const Result replayed = run({HUETRACKD, "replay", untaught, recording, "--no-dds"});

@@ -41,6 +41,8 @@ TEST(Events, TrackedCameraHasPoseAndSigma) {
   EXPECT_EQ(json["state"], "coasting");
   EXPECT_EQ(json["position"][2], 3);
   EXPECT_EQ(json["sigma"][2], 0.5);
+  EXPECT_EQ(json["covariance"].size(), 36u);
+  EXPECT_EQ(json["covariance"][14], 0.25);
   EXPECT_NEAR(json["tracking_latency"], 0.003, 1e-9);
   EXPECT_TRUE(json["sigma"][0].is_null());
 }

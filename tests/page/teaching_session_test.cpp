@@ -156,7 +156,7 @@ TEST(TeachingSession, EachPictureTeachesBeforeTheCalibration) {
   config::ServiceConfig config = config_that_allows(true);
   config.rig = world.rig;
   config.rig_file.clear();
-  config.unsized_targets.insert(config.targets[0].name);
+  config.targets[0].is_radius_assumed = true;
   TeachingSession session{{.reload = [] { return std::string(); }, .resume = {}}};
   ASSERT_TRUE(session.freeze(request_of(msg::TEACH_ACTION_FREEZE), config, sets[0]).granted());
   msg::TeachRequest look = request_of(msg::TEACH_ACTION_LOOK);

@@ -144,6 +144,36 @@ TEST_F(Plot, ReportsATruthOfAnotherTarget) {
               AllOf(HasSubstr("a single ball named pink"), HasSubstr("never within 50 mm")));
 }
 
+// Objects of one colour have numbers that mean nothing: each is compared with the ball that it follows.
+TEST_F(Plot, AssignsObjectsToBalls) {
+  std::ostringstream text, truth;
+  text << header << "swarm,0,nan,nan,nan,nan,nan,nan,nan,nan,nan,nan,nan,nan,searching,0,0\n";
+  truth << "t,ball,x,y,z\n";
+  for (int i = 0; i < 60; ++i) {
+    const double t = i / 30.0;
+    const std::string rest = ",0,0,0,1e-5,0,0,1e-5,0,1e-5,tracking,2,1\n";
+    text << "swarm_1," << t << ",0.503," << t << ",1" << rest << "swarm_2," << t << ",-0.496," << t << ",1" << rest;
+    truth << t << ",blue,-0.5," << t << ",1\n" << t << ",red,0.5," << t << ",1\n";
+  }
+  internal::CaptureStdout();
+  internal::CaptureStderr();
+  plot({.tracks = write("tracks.csv", text.str()), .truth = write("truth.csv", truth.str()), .out = folder / "a.svg"});
+  EXPECT_THAT(internal::GetCapturedStdout(), AllOf(ContainsRegex("swarm_1: [^\n]*error rms 3.0 mm"),
+                                                   ContainsRegex("swarm_2: [^\n]*error rms 4.0 mm")));
+  EXPECT_THAT(internal::GetCapturedStderr(),
+              AllOf(HasSubstr("swarm_1 is next to red"), HasSubstr("swarm_2 is next to blue"),
+                    Not(HasSubstr("no ball named"))));
+}
+
+TEST_F(Plot, NamesATruthInMilliseconds) {
+  std::ostringstream text;
+  text << "t,ball,x,y,z\n";
+  for (int i = 0; i < 100; ++i) text << 5e5 + i / 0.03 << ",ball,1,1,1\n";
+  EXPECT_THAT(
+      [&] { plot({.tracks = tracks(), .truth = write("truth.csv", text.str()), .out = folder / "a.svg"}); },
+      ThrowsMessage<std::runtime_error>(HasSubstr("if the truth's times are milliseconds, name their column t_ms")));
+}
+
 TEST_F(Plot, DrawsALogOfACamera) {
   const fs::path log = write("cam.csv",
                              "camera,t,x,y,z,qx,qy,qz,qw,c11,c12,c13,c22,c23,c33,state,confidence\n"

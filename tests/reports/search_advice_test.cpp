@@ -2,6 +2,10 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
+
+#include "reports/radius_advice.h"
+
 namespace huetrack::reports {
 namespace {
 
@@ -20,6 +24,7 @@ objects::SearchFindings findings_of(std::vector<std::size_t> sets_with_color) {
   objects::SearchFindings out;
   out.sets = 100;
   out.sets_with_color = std::move(sets_with_color);
+  out.sets_in_two = *std::ranges::min_element(out.sets_with_color);
   return out;
 }
 
@@ -55,6 +60,58 @@ TEST(SearchAdvice, NamesCamerasThatDoNotShowTheColor) {
 TEST(SearchAdvice, NamesTheColorThatTheHueMeansAlsoInOpenCvUnits) {
   EXPECT_THAT(search_advice(findings_of({0, 9}), target_of(0.04), {"a", "b"}, false),
               AllOf(HasSubstr("hue_deg [10, 22] is"), HasSubstr("OpenCV"), HasSubstr("write [20, 44]")));
+}
+
+TEST(SearchAdvice, ATaughtHueCannotBeInAnotherUnit) {
+  object_tracking::TargetOptions taught = target_of(0.04);
+  taught.is_hue_taught = true;
+  EXPECT_THAT(search_advice(findings_of({0, 9}), taught, {"a", "b"}, false),
+              AllOf(HasSubstr("hue_deg [10, 22] is"), testing::Not(HasSubstr("OpenCV"))));
+  EXPECT_EQ(seldom_advice(0.16, taught), "");
+  EXPECT_EQ(unsure_advice(0.97, taught), "");
+}
+
+TEST(SearchAdvice, NamesAVolumeThatTheBallIsOutsideOf) {
+  objects::SearchFindings findings = findings_of({100, 100});
+  findings.sets_in_two = 100, findings.sets_outside = 88;
+  findings.outside = {.places = Eigen::AlignedBox3d(Eigen::Vector3d(-1.5, 0, 1), Eigen::Vector3d(1.25, 0.5, 2)),
+                      .radius_m = 0.042};
+  EXPECT_THAT(search_advice(findings, target_of(0.04), {"a", "b"}, false),
+              HasSubstr("in 88 % of these sets two cameras see a ball of its colour and size outside of "
+                        "object_tracking.volume, at x, y, z from -1.50, 0.00, 1.00 to 1.25, 0.50, 2.00 m: extend"));
+  const auto not_outside = testing::Not(HasSubstr("outside"));
+  EXPECT_THAT(search_advice(findings, target_of(0.1), {"a", "b"}, false), not_outside) << "of another size";
+  EXPECT_THAT(search_advice(findings, target_of(0.04), {"a", "b"}, true), not_outside) << "where the rig is wrong";
+  findings.sets_outside = 40;
+  EXPECT_THAT(search_advice(findings, target_of(0.04), {"a", "b"}, false), not_outside) << "seldom";
+}
+
+TEST(SearchAdvice, APositionTakesTwoViewsAtOnce) {
+  objects::SearchFindings findings = findings_of({60, 60});
+  findings.sets_in_two = 20;
+  EXPECT_THAT(search_advice(findings, target_of(0.04), {"a", "b"}, false),
+              HasSubstr("two cameras see its colour at once in only 20 % of these sets"));
+}
+
+TEST(LostAdvice, SaysHowOftenAndWhy) {
+  EXPECT_THAT(lost_advice(0.43, findings_of({0, 100}), target_of(0.04), {"a", "b"}, false),
+              AllOf(HasSubstr("it has no position in 43 % of the sets in which enough cameras delivered; there its "
+                              "colour is seen by b but hardly ever by a")));
+}
+
+TEST(LostAdvice, DoesNotDoubtTheRigOfWhatIsFoundAtTimes) {
+  EXPECT_THAT(
+      lost_advice(0.43, findings_of({100, 100}), target_of(0.04), {"a", "b"}, false),
+      AllOf(HasSubstr("it is hidden, and other things have its colour"), testing::Not(HasSubstr("calibration"))));
+}
+
+TEST(RadiusAdvice, SaysWhatAnUnsetRadiusIs) {
+  EXPECT_THAT(unset_radius_text({}, false, target_of(0.04)),
+              HasSubstr("no radius of ball is set, and its outlines show none: 0.04 m is assumed"));
+  EXPECT_THAT(unset_radius_text({}, true, target_of(0.04)),
+              HasSubstr("0.04 m is assumed, which its outlines do not contradict"));
+  EXPECT_THAT(unset_radius_text(0.0332, true, target_of(0.04)),
+              HasSubstr("0.04 m was assumed until the pictures showed 0.0332 m"));
 }
 
 TEST(SeldomAdvice, NamesTheColorThatTheHueMeans) {

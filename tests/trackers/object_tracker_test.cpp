@@ -852,6 +852,80 @@ TEST(SearchFindings, NoCameraShowsAnAbsentColor) {
   EXPECT_FALSE(found.shows_color(0) || found.shows_color(1));
 }
 
+TEST(SearchFindings, NameWhereItIsOutsideOfTheVolume) {
+  ObjectTrackerOptions options = options_with();
+  options.volume = {.min = {-1, -1, 0}, .max = {1, 1, 0.6}};
+  const scene::Scene scene = ring(3).ball({.path = [](double t) { return Vector3d(0.1, 0.2 * t, 1.1); }}).build();
+  ObjectTracker tracker(scene.rig, lime(), options);
+  for (const capture::FrameSet& set : scene::render(scene, {.set_count = 20})) tracker.update(set);
+  const SearchFindings found = tracker.search_findings();
+  EXPECT_EQ(found.sets_in_two, 20u);
+  EXPECT_EQ(found.sets_outside, 20u);
+  ASSERT_TRUE(found.outside);
+  EXPECT_NEAR(found.outside->radius_m, 0.04, 0.004);
+  EXPECT_NEAR(found.outside->places.center().z(), 1.1, 0.02);
+  EXPECT_FALSE(found.radius_m) << "of what is inside";
+}
+
+TEST(SearchFindings, OfTheRunCountWhatWasClearedToo) {
+  const scene::Scene scene = ring(2).ball({}).build();
+  ObjectTracker tracker(scene.rig, lime(), options_with());
+  for (const capture::FrameSet& set : scene::render(scene, {.set_count = 12})) tracker.update(set);
+  EXPECT_EQ(tracker.search_findings().sets, 0u);
+  EXPECT_GE(tracker.search_findings_of_run().sets, 1u);
+  EXPECT_EQ(tracker.search_findings_of_run().sets_in_two, tracker.search_findings_of_run().sets);
+}
+
+struct Sized {
+  std::optional<double> shown_m;
+  bool is_known;
+  std::size_t untracked = 0;
+};
+
+// Of the lime ball that flies, whose radius is 40 mm. assumed_m: as if that were the default.
+Sized sized_from(double assumed_m, bool is_assumed, TargetShape shape = TargetShape::automatic) {
+  const scene::Scene scene = scene::lime_that_flies();
+  TargetOptions target = lime();
+  target.radius_m = assumed_m, target.is_radius_assumed = is_assumed, target.shape = shape;
+  ObjectTracker tracker(scene.rig, target, options_with());
+  Sized out{};
+  for (const capture::FrameSet& set : scene::render(scene, {.set_count = 120})) {
+    out.untracked += tracker.update(set).state == TrackState::tracking ? 0 : 1;
+    tracker.learn();
+  }
+  out.shown_m = tracker.shown_radius_m(), out.is_known = tracker.is_radius_known();
+  return out;
+}
+
+// Half of and twice the true one: nothing is found with it.
+TEST(AssumedRadius, IsReplacedByWhatThePicturesShow) {
+  for (const double assumed_m : {0.02, 0.03, 0.055, 0.08}) {
+    const Sized sized = sized_from(assumed_m, true);
+    ASSERT_TRUE(sized.shown_m) << assumed_m;
+    EXPECT_NEAR(*sized.shown_m, 0.04, 0.004) << assumed_m;
+    EXPECT_TRUE(sized.is_known) << assumed_m;
+    EXPECT_LT(sized.untracked, 20u) << assumed_m;
+  }
+}
+
+TEST(AssumedRadius, StaysWhereTheOutlinesAgree) {
+  const Sized sized = sized_from(0.04, true);
+  EXPECT_FALSE(sized.shown_m);
+  EXPECT_TRUE(sized.is_known);
+}
+
+TEST(AssumedRadius, StaysUnknownWithoutOutlines) {
+  const Sized sized = sized_from(0.04, true, TargetShape::blob);
+  EXPECT_FALSE(sized.shown_m);
+  EXPECT_FALSE(sized.is_known);
+}
+
+TEST(AssumedRadius, OneThatWasGivenStays) {
+  const Sized sized = sized_from(0.055, false);
+  EXPECT_FALSE(sized.shown_m);
+  EXPECT_TRUE(sized.is_known);
+}
+
 TEST(SearchFindings, AreClearedWhenTheTargetIsFound) {
   const SearchFindings found = findings_of(ring(2).ball({}).build(), lime(), 12);
   EXPECT_EQ(found.sets, 0u);

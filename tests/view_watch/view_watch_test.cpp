@@ -86,6 +86,22 @@ TEST_F(ViewWatchOfScene, swappedVideos) {
   EXPECT_LT(named_at_s.value_or(99), 3);
 }
 
+// As videos without stamps are: the times are wrong, too.
+TEST_F(ViewWatchOfScene, swappedVideosThatDidNotBeginTogether) {
+  spoil = [](std::vector<capture::FrameSet>& sets) {
+    const auto before = sets;
+    for (std::size_t i = 0; i < sets.size(); ++i)
+      for (const std::size_t c : {0u, 1u, 2u})
+        sets[i].frames[c]->pixels = before[i < c ? 0 : i - c].frames[c == 1 ? 1 : 2 - c]->pixels;
+  };
+  watch(8);
+  ASSERT_FALSE(ever.empty());
+  for (const Mistake& mistake : ever) {
+    EXPECT_EQ(mistake.kind, MistakeKind::swapped);
+    EXPECT_THAT(mistake.cameras, ElementsAre(0, 2));
+  }
+}
+
 TEST_F(ViewWatchOfScene, aTurnedCamera) {
   for (const double degrees : {0.6, 2.0, 5.0}) {
     SetUp();
@@ -287,13 +303,22 @@ TEST(ViewWatch, OutlinesThatDifferDoNotContradictTheRadius) {
     return object_tracking::OutlineFindings{
         .radius_m = std::sqrt(least_m * largest_m), .least_radius_m = least_m, .largest_radius_m = largest_m};
   };
-  EXPECT_TRUE(contradict_radius(outlines(0.050, 0.051), 0.04));
-  EXPECT_TRUE(contradict_radius(outlines(0.050, 0.050), 0.04)) << "one view";
-  EXPECT_TRUE(contradict_radius(outlines(0.032, 0.033), 0.04));
-  EXPECT_FALSE(contradict_radius(outlines(0.041, 0.043), 0.04));
-  EXPECT_FALSE(contradict_radius(outlines(0.046, 0.050), 0.04)) << "hands";
-  EXPECT_FALSE(contradict_radius(outlines(0.040, 0.050), 0.04)) << "one view is right";
-  EXPECT_FALSE(contradict_radius(outlines(0.028, 0.034), 0.04));
+  EXPECT_TRUE(outlines(0.050, 0.051).contradict(0.04));
+  EXPECT_TRUE(outlines(0.050, 0.050).contradict(0.04)) << "one view";
+  EXPECT_TRUE(outlines(0.032, 0.033).contradict(0.04));
+  EXPECT_FALSE(outlines(0.041, 0.043).contradict(0.04));
+  EXPECT_FALSE(outlines(0.046, 0.050).contradict(0.04)) << "hands";
+  EXPECT_FALSE(outlines(0.040, 0.050).contradict(0.04)) << "one view is right";
+  EXPECT_FALSE(outlines(0.028, 0.034).contradict(0.04));
+}
+
+// Where twice the radius was given, as a diameter, what is measured lies between that and the true one.
+TEST(ViewWatch, TheRangeOfRadiiReachesAwayFromTheGivenOne) {
+  const object_tracking::OutlineFindings outlines{.radius_m = 0.067, .least_radius_m = 0.064, .largest_radius_m = 0.07};
+  EXPECT_LT(radius_range(outlines, 0.094).first, 0.047);
+  EXPECT_NEAR(radius_range(outlines, 0.094).second, 0.079, 0.001);
+  EXPECT_NEAR(radius_range(outlines, 0.067).first, 0.0566, 0.001) << "nothing drew it";
+  EXPECT_GT(radius_range(outlines, 0.033).second, 0.15);
 }
 
 // By outlines, whatever the configured radius.

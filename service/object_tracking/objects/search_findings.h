@@ -1,6 +1,7 @@
 // Evidence from searches that found nothing: is the colour wrong, or the radius?
 #pragma once
 
+#include <Eigen/Geometry>
 #include <cstddef>
 #include <optional>
 #include <span>
@@ -13,13 +14,21 @@
 
 namespace huetrack::objects {
 
-// Of the frame sets searched in vain since the target was last found (observation: huetrack). Facts; the advice that
-// follows from them: reports/search_advice.h.
+// Of the frame sets searched in vain since the target was last found, or in the whole run (observation: huetrack).
+// Facts; the advice that follows from them: reports/search_advice.h.
 struct SearchFindings {
   std::size_t sets = 0;
   std::vector<std::size_t> sets_with_color;  // per camera of the rig: sets with a region of the colour
+  std::size_t sets_in_two = 0;               // with a region of the colour in two views or more
+  std::size_t sets_outside = 0;              // with regions of two views that fit one ball outside of the volume
   std::optional<double> radius_m;            // that the regions of two views agree on; > 0
-  std::optional<double> radius_before_m;     // the same of the search before the target was first found
+  // Where the regions of two views fit a ball of one radius outside of the volume.
+  struct Outside {
+    Eigen::AlignedBox3d places;  // the middle nine tenths per axis
+    double radius_m;
+  };
+  std::optional<Outside> outside;
+  std::optional<double> radius_before_m;  // the same of the search before the target was first found
 
   bool shows_color(std::size_t camera) const;  // in a share of the sets that matters
 };
@@ -33,20 +42,35 @@ std::pair<double, double> alike_radii(double radius_m);
 // thread-compatible.
 class SearchLog {
  public:
-  explicit SearchLog(std::size_t cameras) { findings_.sets_with_color.resize(cameras); }
+  explicit SearchLog(std::size_t cameras) : since_found_(cameras), of_run_(cameras) {}
 
   // One frame set in which no object was found. regions[i] belongs to views[i].
   void add(const std::vector<object_tracking::TargetView>& views,
            std::span<const std::vector<color::ColorRegion>> regions, const object_tracking::Volume& volume);
-  void clear();  // it was found
-  SearchFindings findings() const;
+  void clear();                                                        // it was found
+  SearchFindings findings() const { return since_found_.findings(); }  // since it was last found
+  SearchFindings findings_of_run() const { return of_run_.findings(); }
 
  private:
-  static constexpr std::size_t kept_radii = 300;  // capacity: pairs of regions in the median
+  static constexpr std::size_t kept_pairs = 300;  // capacity: pairs of regions in the median
+  struct Pair {                                   // of regions that one ball explains
+    Eigen::Vector3d place;
+    double radius_m;
+  };
+  struct Pairs {
+    std::vector<Pair> all = {};  // a ring once it is full
+    std::size_t next = 0;
+    void add(const Pair& pair);
+    std::optional<double> radius_m() const;  // that they agree on
+  };
+  struct Counted {
+    explicit Counted(std::size_t cameras) { counts.sets_with_color.resize(cameras); }
+    SearchFindings counts;
+    Pairs inside, outside;  // of the volume
+    SearchFindings findings() const;
+  };
   bool was_found_ = false;
-  SearchFindings findings_;
-  std::vector<double> radii_m_;  // of pairs of regions that one ball explains; a ring once it is full
-  std::size_t next_ = 0;
+  Counted since_found_, of_run_;
 };
 
 }  // namespace huetrack::objects

@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <stdexcept>
@@ -21,7 +23,11 @@ using namespace objects;
 struct ObjectTracker::Impl {
   Impl(const calib::CameraRig& rig, const TargetOptions& target, const ObjectTrackerOptions& options,
        std::uint64_t stream)
-      : tracker(made(rig, target, options, stream)),
+      : rig(rig),
+        target(target),
+        options(options),
+        stream(stream),
+        tracker(made(rig, target, options, stream)),
         adapts(target.adapts_color && options.observation == Observation::huetrack),
         watch(rig, target),
         follower(rig, target) {}
@@ -39,8 +45,56 @@ struct ObjectTracker::Impl {
     if (adapts) std::visit([&](auto& t) { follower.follow(*open, seen, watch, t.views()); }, tracker);
   }
 
+  // Where the target's radius is assumed: another one that the pictures show. That of the outlines is drawn towards
+  // the assumed one, by at most half the way: it is taken again as long as its steps become shorter by as much. That of
+  // regions: while nothing of the assumed size is found.
+  std::optional<double> shown_radius() {
+    RegionTracker* const own = of_huetrack();
+    if (own == nullptr || !target.is_radius_assumed) return std::nullopt;
+    const OutlineFindings outlines = own->outline_findings();
+    if (outlines.radius_m) {
+      is_radius_measured = true;
+      const double step = std::abs(std::log(*outlines.radius_m / target.radius_m));
+      if (!outlines.contradict(target.radius_m) || step > last_step / 2) return std::nullopt;
+      last_step = step;
+      return outlines.radius_m;
+    }
+    const auto by_regions = own->search_findings().radius_m;
+    return by_regions && !are_radii_alike(*by_regions, target.radius_m) ? by_regions : std::nullopt;
+  }
+
+  // Goes on with another radius: the objects are searched for again, with what is known of the cameras' times.
+  std::unique_ptr<Impl> with_radius(double radius_m) {
+    TargetOptions sized = target;
+    sized.radius_m = radius_m;
+    auto next = std::make_unique<Impl>(rig, sized, options, stream);
+    next->is_shown = true;
+    next->is_radius_measured = is_radius_measured;
+    next->last_step = last_step;
+    next->expected = expected;
+    for (const auto& [camera, format, range] : expected) next->of_huetrack()->views().expect(camera, format, range);
+    next->of_huetrack()->take_over_from(*of_huetrack());
+    next->trusted = trusted;
+    next->of_huetrack()->trust(trusted);
+    return next;
+  }
+
   RegionTracker* of_huetrack() { return std::get_if<RegionTracker>(&tracker); }  // nullptr: observation: paper
 
+  struct Expected {
+    std::size_t camera;
+    capture::PixelFormat format;
+    capture::ColorRange range;
+  };
+  const calib::CameraRig rig;
+  const TargetOptions target;
+  const ObjectTrackerOptions options;
+  const std::uint64_t stream;
+  bool is_shown = false;                                       // target.radius_m is that of shown_radius()
+  bool is_radius_measured = false;                             // where it is assumed: by the outlines
+  double last_step = std::numeric_limits<double>::infinity();  // of the log of the radius by outlines
+  std::vector<Expected> expected = {};                         // expect(), trust(): of with_radius()
+  std::vector<CameraTrust> trusted = {};
   Tracker tracker;
   std::optional<capture::FrameSet> open = {};  // nothing was learnt of it yet
   ObjectEstimate seen = {};                    // of it; of several objects, the first that is tracked
@@ -87,6 +141,7 @@ std::uint64_t ObjectTracker::frames_of_other_colors(std::size_t camera) const {
 }
 
 void ObjectTracker::expect(int camera, capture::PixelFormat format, capture::ColorRange range) {
+  impl_->expected.push_back({static_cast<std::size_t>(camera), format, range});
   std::visit([&](auto& tracker) { tracker.views().expect(static_cast<std::size_t>(camera), format, range); },
              impl_->tracker);
 }
@@ -99,6 +154,7 @@ void ObjectTracker::trust(std::span<const CameraTrust> cameras) {
                                                        camera.cam_from_world->translation.allFinite()));
     if (!is_finite) throw std::invalid_argument("trust: a camera's pose and its covariance must be finite");
   }
+  impl_->trusted.assign(cameras.begin(), cameras.end());
   std::visit([&](auto& tracker) { tracker.trust(cameras); }, impl_->tracker);
 }
 
@@ -127,6 +183,7 @@ void ObjectTracker::take_over_from(const ObjectTracker& before) {
 
 void ObjectTracker::update(const capture::FrameSet& of_caller, std::vector<ObjectEstimate>& out) {
   learn();
+  if (const auto radius_m = impl_->shown_radius()) impl_ = impl_->with_radius(*radius_m);
   const capture::FrameSet& set = impl_->open.emplace(of_caller);
   if (auto* tracker = impl_->of_huetrack())
     tracker->update(set, out);
@@ -180,9 +237,22 @@ SearchFindings ObjectTracker::search_findings() const {
   return tracker != nullptr ? tracker->search_findings() : SearchFindings{};
 }
 
+SearchFindings ObjectTracker::search_findings_of_run() const {
+  const auto* tracker = impl_->of_huetrack();
+  return tracker != nullptr ? tracker->search_findings_of_run() : SearchFindings{};
+}
+
 OutlineFindings ObjectTracker::outline_findings() const {
   const auto* tracker = impl_->of_huetrack();
   return tracker != nullptr ? tracker->outline_findings() : OutlineFindings{};
+}
+
+std::optional<double> ObjectTracker::shown_radius_m() const {
+  return impl_->is_shown ? std::optional(impl_->target.radius_m) : std::nullopt;
+}
+
+bool ObjectTracker::is_radius_known() const {
+  return !impl_->target.is_radius_assumed || impl_->is_radius_measured;
 }
 
 std::span<const SeenRegion> ObjectTracker::regions() const {

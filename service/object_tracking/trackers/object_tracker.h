@@ -78,8 +78,14 @@ class ObjectTracker {
   // by a regular step; 0: all.
   std::vector<Eigen::Vector3f> particles(std::size_t about = 0) const;
 
-  objects::SearchFindings search_findings() const;
+  objects::SearchFindings search_findings() const;         // since it was last found
+  objects::SearchFindings search_findings_of_run() const;  // since the first update(), or another radius
   object_tracking::OutlineFindings outline_findings() const;
+
+  // In force instead of an assumed radius: the one that the pictures of several cameras have shown; from then on the
+  // objects were searched for again. nullopt: the target's is in force. observation: huetrack.
+  std::optional<double> shown_radius_m() const;
+  bool is_radius_known() const;  // false: assumed, and its outlines have shown none yet
 
   // Regions that the last update() used, in views in which the target is expected or searched. Of several objects only
   // one that is apart from the others. Valid until the next update(). observation: huetrack.

@@ -71,6 +71,7 @@ class RegionTracker {
     return is_alone() ? further_watch_.published() : published_.further_object();
   }
   objects::SearchFindings search_findings() const { return search_log_.findings(); }
+  objects::SearchFindings search_findings_of_run() const { return search_log_.findings_of_run(); }
   object_tracking::OutlineFindings outline_findings() const { return sighter_.outlines().findings(); }
   void expected_outlines(std::size_t camera, std::vector<capture::ExpectedOutline>& out) const;
 

@@ -162,7 +162,7 @@ function show(): void {
   $("calibrate-enough").hidden = !(isRecording && coverage.size > 0 && needs.length === 0);
   const isResult = now === "usable" || now === "doubtful";
   $("calibrate-accept").hidden = !isResult;
-  $("calibrate-accept").textContent = now === "doubtful" ? (isSure ? "Yes, use it all the same" : "Use it although it is doubtful…") : "Use it: the cameras stand so";
+  $("calibrate-accept").textContent = now === "doubtful" ? (isSure ? "Yes, use it all the same" : "Use it although it is doubtful…") : "Use this calibration";
   $("calibrate-accept").classList.toggle("primary", now === "usable");
   showDistance(now);
   $("calibrate-report").hidden = word("report") !== "true" || isBusy();

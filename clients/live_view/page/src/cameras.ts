@@ -715,12 +715,17 @@ export function arrange(): void {
   if (width <= 0 || height <= 0 || !all.length) return;
   const ratios = large ? [ratioOf(views.get(large)!)] : all.map(ratioOf);
   const chrome = 56; // of a panel: its title and its edges
-  const beside = fitInto(ratios, width - Math.min(560, Math.max(290, width * 0.35)) - gap - 24, height - chrome);
+  const side = Math.min(560, Math.max(290, width * 0.35));
+  const beside = fitInto(ratios, width - side - gap - 24, height - chrome);
   const above = fitInto(ratios, width - 24, height * viewsShare() - chrome);
   const isRow = !isNarrow() && above.area > beside.area;
   const how = isRow ? "row" : "beside";
   if (stage.dataset.cameras !== how) stage.dataset.cameras = how;
-  // Above the scene no higher than they are: what is left over is the scene's.
+  // Beside the scene no wider than they are, and above it no higher: what is left over is the scene's.
+  const inRow = (width - side - gap - 24 - gap * (beside.columns - 1)) / beside.columns;
+  const least = 440; // of the panel with its title, legend and choice
+  const unused = large ? 0 : beside.columns * Math.max(0, inRow - beside.tallest * Math.max(...ratios));
+  stage.style.setProperty("--side", `${Math.floor(side + Math.max(0, Math.min(unused, width - side - gap - least)))}px`);
   const share = `${height * viewsShare()}px`;
   const rows = Math.ceil(ratios.length / above.columns);
   const wide = (width - 24 - gap * (above.columns - 1)) / above.columns;

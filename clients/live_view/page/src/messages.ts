@@ -27,6 +27,7 @@ export interface CameraPose {
   position: [N, N, N];
   orientation: [N, N, N, N]; // x y z w: camera axes to the world's
   sigma: [N, N, N];
+  covariance: N[]; // of position (m) and rotation (rad), 6x6
   features_in_view: number;
   features_matched: number;
   map_points: number;

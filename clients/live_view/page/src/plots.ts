@@ -440,15 +440,28 @@ $("plot-pause").addEventListener("click", () => {
 });
 
 // ---- Export
-$("plot-csv").addEventListener("click", () => {
+// The columns of huetrack log and of huetrackd replay --tracks; a tracked camera's are others, so they are another file.
+const csvHeads = {
+  target: "target,t,x,y,z,vx,vy,vz,cxx,cxy,cxz,cyy,cyz,czz,state,views,confidence",
+  camera: `camera,t,x,y,z,qx,qy,qz,qw,${[1, 2, 3, 4, 5, 6].flatMap((i) => [1, 2, 3, 4, 5, 6].filter((j) => j >= i).map((j) => `c${i}${j}`)).join()},state,features_in_view,features_matched,confidence`,
+};
+
+function csvOf(isCamera: boolean): string {
   const end = endTime();
-  const rows = ["name,t,state,x,y,z,sigma_m,speed_m_s,latency_s,residual_px"];
-  const number = (v: number, digits: number) => (Number.isFinite(v) ? v.toFixed(digits) : "");
-  const name = (text: string) => (/[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
-  for (const track of tracks())
-    for (const s of track.history.slice(indexAt(track.history, end - span), indexAt(track.history, end + 1e-6)))
-      rows.push([name(track.name), s.t.toFixed(6), s.state, ...[0, 1, 2].map((i) => number(s.p?.[i] ?? NaN, 6)), number(s.sigma, 6), number(s.speed, 4), number(s.latency, 6), number(s.residual, 3)].join());
-  save(new Blob([rows.join("\n") + "\n"], { type: "text/csv" }), "huetrack.csv");
+  const number = (v: number | null) => (v === null || !Number.isFinite(v) ? "nan" : String(v));
+  const rows = tracks()
+    .filter((track) => track.isCamera === isCamera)
+    .flatMap(({ name, history }) =>
+      history
+        .slice(indexAt(history, end - span), indexAt(history, end + 1e-6))
+        .map((s) => [name, s.t.toFixed(9), ...s.columns.map(number), s.state, ...s.counts.map(number)].join()),
+    );
+  return rows.length ? [isCamera ? csvHeads.camera : csvHeads.target, ...rows].join("\n") + "\n" : "";
+}
+
+$("plot-csv").addEventListener("click", () => {
+  for (const [text, file] of [[csvOf(false), "huetrack.csv"], [csvOf(true), "huetrack_camera.csv"]])
+    if (text) save(new Blob([text], { type: "text/csv" }), file);
 });
 $("plot-png").addEventListener("click", async () => {
   drawPlots(true);

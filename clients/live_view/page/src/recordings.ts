@@ -59,7 +59,10 @@ function updateButtons(): void {
   const isRecording = state?.state === "recording";
   const preRoll = Number(state?.pre_roll_s ?? 0);
   const isAlways = state?.always === "true";
-  write($("record-save"), preRoll ? `Save the last ${preRoll} s` : "Save the last seconds");
+  // Shortly after the start, after a recording, and where its memory is small, there is less than was asked for.
+  const held = Number(state?.pre_roll_held_s ?? preRoll);
+  const isLess = held < preRoll - 1;
+  write($("record-save"), !preRoll ? "Save the last seconds" : isLess ? `Save the last ${Math.floor(held)} s of ${preRoll}` : `Save the last ${preRoll} s`);
   const noState = state === null ? "wait for the service" : isLive ? "" : "a replay is not recorded";
   $("record-start").hidden = isRecording;
   $("record-stop").hidden = !isRecording;

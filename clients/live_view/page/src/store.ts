@@ -1,5 +1,5 @@
 // The page's state. Views read it; nothing here touches the document.
-import type { CameraMap, CameraPose, CameraTimes, HostClocks, Position, Pulse, Scene, State, Status } from "./messages";
+import type { CameraMap, CameraPose, CameraTimes, HostClocks, N, Position, Pulse, Scene, State, Status } from "./messages";
 
 export const historySeconds = 600;
 
@@ -13,6 +13,8 @@ export interface Sample {
   processing: number; // s, the part of the latency from the arrival of the pictures' last byte on
   residual: number; // px, of the worst view; NaN: none, or of a camera
   features: number; // matched; NaN of a target
+  columns: N[]; // of the log's CSV: those between the time and the state
+  counts: number[]; // and those after the state
 }
 
 // How well a camera's view fits what is tracked, at one moment.
@@ -77,6 +79,9 @@ export function largestSigma(c: (number | null)[]): number {
   return Math.sqrt(Math.max(0, w[0] * v[0] + w[1] * v[1] + w[2] * v[2]));
 }
 
+// Of a symmetric matrix of n rows, row by row.
+const upperTriangle = (matrix: N[], n: number): N[] => matrix.filter((_, i) => i % n >= Math.floor(i / n));
+
 export function takePosition(sample: Position): void {
   let target = store.targets.get(sample.target);
   if (!target) {
@@ -101,6 +106,8 @@ export function takePosition(sample: Position): void {
     processing: sample.tracking_latency,
     residual: largestResidual(sample),
     features: NaN,
+    columns: [...sample.position, ...sample.velocity, ...upperTriangle(sample.covariance, 3)],
+    counts: [sample.views, sample.confidence],
   });
   forgetOld(target.history);
   takeViews(sample);
@@ -181,6 +188,8 @@ export function takeCameraPose(sample: CameraPose): void {
     processing: sample.tracking_latency,
     residual: NaN,
     features: sample.features_matched,
+    columns: [...sample.position, ...sample.orientation, ...upperTriangle(sample.covariance, 6)],
+    counts: [sample.features_in_view, sample.features_matched, sample.confidence],
   });
   forgetOld(camera.history);
 }

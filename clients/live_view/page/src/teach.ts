@@ -31,7 +31,9 @@ let isAnswered = false;
 const saves = new Set<number>(); // requests that write a file and have no answer yet
 let pictures: Picture[] = [];
 let missing: string[] = []; // cameras without a picture in the frozen set
-let points: { camera: string; pixel: [number, number] }[] = [];
+type Point = { camera: string; pixel: [number, number] };
+let points: Point[] = [];
+let later: Point[] = []; // clicks while the service learns: the next request has them
 let ignored: Ignore[] = [];
 let wider = 0;
 let isIgnoring = false;
@@ -72,7 +74,7 @@ async function ask(action: string): Promise<void> {
   say(`${doing[action]}…`, false, true);
   update();
   const sent = await send("/api/teach", body, () => mine !== number || isAnswered, (seconds) => {
-    if (pending === mine && seconds >= 2) say(`${doing[action]}… ${seconds} s`, false, true);
+    if (pending === mine && seconds >= 2 && !later.length) say(`${doing[action]}… ${seconds} s`, false, true);
   });
   if (mine !== number || sent.outcome === "answered") return;
   pending = 0;
@@ -97,6 +99,7 @@ export async function takeTeachReply(reply: TeachReply): Promise<void> {
   lastStep = 0;
   if (!reply.granted) {
     wider -= stepped;
+    if (askLater()) return;
     update();
     return say(reply.reason, true);
   }
@@ -128,7 +131,7 @@ export async function takeTeachReply(reply: TeachReply): Promise<void> {
     unconfirmed = reply.cameras.filter((c) => !c.pointed && c.region[0] !== null).map((c) => c.camera);
     radius = reply.radius;
   }
-  update();
+  if (!askLater()) update();
 }
 
 const textOf = ({ hue_deg: h, saturation: s, intensity: i }: Color) =>
@@ -179,6 +182,7 @@ function letGo(): void {
   }
   pictures = [];
   missing = [];
+  later = [];
   awaitPictures();
 }
 
@@ -193,7 +197,7 @@ function layerOf(picture: Picture): Layer {
     frozen: { image: picture.image, size: picture.size },
     paint: (on) => paint(picture, on),
     point: (pixel) => {
-      if (!pending && !isIgnoring) point(picture, pixel);
+      if (!isIgnoring) point(picture, pixel);
     },
     drags: () => isIgnoring && !pending,
     drag: (from, to, isEnd) => {
@@ -216,8 +220,8 @@ function key(picture: Picture, event: KeyboardEvent): void {
     if (picture.drag) picture.corner = picture.cursor;
     $("teach-cursor").textContent = `${picture.camera}: ${picture.cursor.join(", ")}`;
   } else if (event.key === "Enter" || event.key === " ") {
-    if (pending) return;
     if (!isIgnoring) point(picture, picture.cursor);
+    else if (pending) return;
     else if (picture.drag) closeRectangle(picture);
     else picture.drag = picture.corner = picture.cursor;
   } else if (event.key === "Escape" && picture.drag) {
@@ -228,11 +232,23 @@ function key(picture: Picture, event: KeyboardEvent): void {
 }
 
 function point(picture: Picture, pixel: [number, number]): void {
-  points = points.filter((p) => p.camera !== picture.camera);
-  points.push({ camera: picture.camera, pixel });
+  const clicked: Point = { camera: picture.camera, pixel };
+  if (pending && asked !== "look") return;
+  later = [...later.filter((p) => p.camera !== picture.camera), clicked];
+  if (!pending) return void askLater();
+  say(`${doing.look}… then from ${later.map((p) => p.camera).join(", ")}, too`, false, true);
+  draw(picture);
+}
+
+// Whether there were clicks to learn from.
+function askLater(): boolean {
+  if (!later.length || !pictures.length) return false;
+  points = [...points.filter((p) => !later.some((other) => other.camera === p.camera)), ...later];
+  later = [];
   least = -Infinity;
   most = Infinity;
   void ask("look");
+  return true;
 }
 
 const boxOf = (a: [number, number], b: [number, number]): Ignore["box"] => [Math.min(a[0], b[0]), Math.min(a[1], b[1]), Math.max(a[0], b[0]), Math.max(a[1], b[1])];
@@ -251,6 +267,20 @@ function closeRectangle(picture: Picture): void {
 }
 
 const draw = (picture: Picture) => redrawLayer(picture.camera);
+
+// On a dark rim; r in pixels of the screen.
+function ring({ g, at, line }: Placed, pixel: [number, number], r: number, color: string, dash: number[]): void {
+  const [x, y] = at(...pixel);
+  g.setLineDash(dash);
+  for (const [style, width] of [["rgb(0 0 0 / 0.7)", 3], [color, 1.5]] as const) {
+    g.strokeStyle = style;
+    g.lineWidth = width * line;
+    g.beginPath();
+    g.arc(x, y, r, 0, 2 * Math.PI);
+    g.stroke();
+  }
+  g.setLineDash([]);
+}
 
 function paint(picture: Picture, on: Placed): void {
   const { g, at, scale: s, line } = on;
@@ -288,17 +318,11 @@ function paint(picture: Picture, on: Placed): void {
     new Labels(g).add({ text: isElsewhere ? "matches, too" : "matches: the object?", color: "#ff9f1c", x, y, radius: ((v1 - v0) / 2 + air) * s });
   }
   if (taught && taught.region[0] !== null && taught.region[1] !== null) {
-    const [x, y] = at(taught.region[0], taught.region[1]);
-    g.setLineDash(taught.pointed ? [] : [6, 5]);
-    for (const [style, width] of [["rgb(0 0 0 / 0.7)", 3], [taught.pointed ? "white" : "#ffd60a", 1.5]] as const) {
-      g.strokeStyle = style;
-      g.lineWidth = width * line;
-      g.beginPath();
-      g.arc(x, y, Math.max(6, (taught.region_radius ?? 4) * 1.3 * s), 0, 2 * Math.PI);
-      g.stroke();
-    }
-    g.setLineDash([]);
+    const center: [number, number] = [taught.region[0], taught.region[1]];
+    ring(on, center, Math.max(6, (taught.region_radius ?? 4) * 1.3 * s), taught.pointed ? "white" : "#ffd60a", taught.pointed ? [] : [6, 5]);
   }
+  const next = later.find((p) => p.camera === picture.camera);
+  if (next) ring(on, next.pixel, 6, "#ffd60a", [2, 3]);
   if (!picture.cursor || !hasFocus(picture.camera)) return;
   const [x, y] = at(...picture.cursor);
   for (const [style, width] of [["black", 2.2], ["white", 1.1]] as const) {
