@@ -29,8 +29,8 @@ std::string outside_advice(const objects::SearchFindings& findings, const object
     return {};
   return fmt::format(
       "in {:.0f} % of these sets two cameras see a ball of its colour and size outside of object_tracking.volume, at "
-      "x, "
-      "y, z from {} to {} m: extend the volume to there",
+      "x, y, "
+      "z from {} to {} m: extend the volume to there",
       100 * double(findings.sets_outside) / double(findings.sets), place_text(findings.outside->places.min()),
       place_text(findings.outside->places.max()));
 }
@@ -51,7 +51,7 @@ std::string what_to_try(const objects::SearchFindings& findings, const object_tr
                ? "a blob's distance takes two cameras: with one, only balls are found (shape: ball or auto)"
                : "no round region of its colour has a size that gives a distance inside the volume: check the radius, "
                  "the volume and the colour";
-  if (2 * findings.sets_in_two < findings.sets)
+  if (!findings.is_in_two_views())
     return fmt::format(
         "two cameras see its colour at once in only {:.0f} % of these sets, and a position takes two: widen its "
         "colour, "
