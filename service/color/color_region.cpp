@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <bit>
+#include <cstdlib>
+#include <numeric>
+#include <utility>
 
 namespace huetrack::color {
 
@@ -13,6 +16,73 @@ struct RegionFinderTuning {
 constexpr RegionFinderTuning region_finder{};
 
 }  // namespace
+
+namespace {
+
+std::int64_t cross_of(const PixelAt& a, const PixelAt& b, const PixelAt& c) {
+  return std::int64_t{b.u - a.u} * (c.v - a.v) - std::int64_t{b.v - a.v} * (c.u - a.u);
+}
+
+// One side of the hull, as Andrew's monotone chain (1979) makes it: points in the order of their rows.
+void add_to_chain(std::vector<PixelAt>& chain, const PixelAt& p, int side) {
+  while (chain.size() >= 2 && side * cross_of(chain[chain.size() - 2], chain.back(), p) <= 0) chain.pop_back();
+  chain.push_back(p);
+}
+
+// Second central moment of a polygon's area, and that area (Green's theorem).
+std::pair<Eigen::Matrix2d, double> polygon_moments(const std::vector<PixelAt>& corners) {
+  const Eigen::Vector2d origin(corners.front().u, corners.front().v);
+  double area = 0;
+  Eigen::Vector2d first = Eigen::Vector2d::Zero();
+  Eigen::Matrix2d second = Eigen::Matrix2d::Zero();
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    const PixelAt &from = corners[i], &to = corners[(i + 1) % corners.size()];
+    const Eigen::Vector2d a = Eigen::Vector2d(from.u, from.v) - origin, b = Eigen::Vector2d(to.u, to.v) - origin;
+    const double twice = a.x() * b.y() - b.x() * a.y();  // the triangle with the origin
+    area += twice / 2;
+    first += twice / 6 * (a + b);
+    second += twice / 24 * (a * a.transpose() + b * b.transpose() + (a + b) * (a + b).transpose());
+  }
+  if (area == 0) return {Eigen::Matrix2d::Zero(), 0};
+  const Eigen::Vector2d centre = first / area;
+  return {second / area - centre * centre.transpose(), std::abs(area)};
+}
+
+}  // namespace
+
+ConvexHull hull_of(MatchBits& view, PixelBox box) {
+  constexpr int word = 56;  // layout: row() gives at least 57 pixels
+  box = {std::max(box.u_min, 0), std::max(box.v_min, 0), std::min(box.u_max, view.width() - 1),
+         std::min(box.v_max, view.height() - 1)};
+  if (box.empty()) return {};
+  view.look(box);
+  std::vector<PixelAt> left, right;
+  for (int v = box.v_min; v <= box.v_max; ++v) {
+    int first = -1, last = -1;
+    for (int u = box.u_min; u <= box.u_max; u += word) {
+      const int length = std::min(word, box.u_max - u + 1);
+      const std::uint64_t bits = view.row(u, v) & ((std::uint64_t{1} << length) - 1);
+      if (bits == 0) continue;
+      if (first < 0) first = u + std::countr_zero(bits);
+      last = u + 63 - std::countl_zero(bits);
+    }
+    if (first < 0) continue;
+    add_to_chain(left, {first, v}, -1);
+    add_to_chain(right, {last, v}, 1);
+  }
+  if (left.empty()) return {};
+  std::vector<PixelAt>& hull = left;
+  hull.insert(hull.end(), right.rbegin(), right.rend());
+  int border = 0;  // pixels on it
+  for (std::size_t i = 0; i < hull.size(); ++i) {
+    const PixelAt &a = hull[i], &b = hull[(i + 1) % hull.size()];
+    border += std::gcd(std::abs(b.u - a.u), std::abs(b.v - a.v));
+  }
+  const auto [spread, area] = polygon_moments(hull);
+  const double pixels = area + border / 2.0 + 1;
+  // The polygon goes through the middles of the outermost pixels.
+  return {.area = static_cast<int>(pixels), .spread = area > 0 ? Eigen::Matrix2d(pixels / area * spread) : spread};
+}
 
 void RegionFinder::Moments::add(const Moments& o) {
   n += o.n, u += o.u, v += o.v, uu += o.uu, uv += o.uv, vv += o.vv;

@@ -28,6 +28,14 @@ struct ColorRegion {
   DiscEvidence evidence = {};
 };
 
+// The convex hull of the matching pixels in the box. Of a disc with stripes, glints or a covered part, it has more of
+// the disc's own area than what matches. Of a disc of which all pixels match it is the same (Pick's theorem).
+struct ConvexHull {
+  int area = 0;                                      // pixels within it
+  Eigen::Matrix2d spread = Eigen::Matrix2d::Zero();  // second central moment, px^2; 0: all pixels are on one line
+};
+ConvexHull hull_of(MatchBits& view, PixelBox box);
+
 // thread-compatible. Keeps its work space between frames.
 class RegionFinder {
  public:

@@ -21,6 +21,7 @@ MotionState MotionObserver::observed(const MotionState& from, const MotionState*
   views_.clear();
   is_size_consistent_.reset();
   double nis = 0;
+  int measured = 0;  // numbers
   for (const Sighting& sighting : sightings) {
     out.predict_to(sighting.row.at, power_density);
     const MotionState& near = linearised_about != nullptr ? *linearised_about : out;
@@ -38,7 +39,7 @@ MotionState MotionObserver::observed(const MotionState& from, const MotionState*
                        .jacobian = at->jacobian,
                        .ray = then - sighting.camera->centre()}});
     const LinearSighting& linear = views_.back().linear;
-    nis += out.observe(linear, near.velocity(), power_density);
+    nis += out.observe(linear, near.velocity(), power_density), measured += 2;
     if (!is_ball_ || !sighting.size || !out.has_size()) continue;
     const MeasuredSize& size = *sighting.size;
     const double size_nis = out.observe_size({.row = linear.row,
@@ -49,9 +50,10 @@ MotionState MotionObserver::observed(const MotionState& from, const MotionState*
                                               .linearised_at = then,
                                               .ray = linear.ray},
                                              near.velocity(), power_density);
+    nis += size_nis, ++measured;
     is_size_consistent_ = std::sqrt(size_nis) <= sighting_tuning.prediction_sigmas;
   }
-  mean_nis_ = views_.empty() ? 1 : nis / (2 * double(views_.size()));
+  mean_nis_ = measured == 0 ? 1 : nis / measured;
   return out;
 }
 

@@ -67,6 +67,15 @@ const capture::Image* rare_picture(const TargetView& view) {
   return own != nullptr && own->format == view.image->format && own->range == view.image->range ? own : nullptr;
 }
 
+// With one camera: where the model of a ball does not explain the picture, the edge may be another one's, as of the
+// hand around it. Then the size is as wrong as it differs from the region's by more than that may be wrong.
+double model_error_of_size(const outline::Fit& fit, double radius_px, const Sighting& region) {
+  if (fit.size_model_error == 0 || !region.size) return fit.size_model_error;
+  const double off = fit.log_size.value - std::log(region.size->radius_px / radius_px);
+  const double usual = sighting_tuning.prediction_sigmas * std::hypot(region.size->log_sigma, region.size->log_bias);
+  return std::hypot(fit.size_model_error, std::sqrt(std::max(0.0, off * off - usual * usual)));
+}
+
 }  // namespace
 
 OutlineSighter::OutlineSighter(const calib::CameraRig& rig, const TargetOptions& target,
@@ -103,6 +112,7 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionState& state, c
       state.has_size() ? usual_sigma < unknown_log_size : of.log_size_weight >= outline_sighter.min_sizes;
   outline::FitOptions options;
   options.most_steps = outline_sighter.max_steps;
+  options.is_edge_curved = state.has_size();
   // Until a size is learnt, the expected radius and the region's are tried in turn after each failed fit.
   const double log_size = of.log_size_weight == 0 && of.begins_at_region
                               ? std::log(std::max(1.0, sighting.radius_px) / expected.at.radius_px)
@@ -161,18 +171,15 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionState& state, c
       to_region.dot((of_region + sharp.covariance).inverse() * to_region) > sighting_tuning.gate_nis)
     return false;
   const double lasting = std::hypot(e.size_bias_px / radius_px, e.bias_of_fit * fit.log_size.sigma);
-  const bool is_size_measured =
-      fit.visible > outline_sighter.size_visible_share && fit.log_size.sigma < unknown_log_size;
+  const double by_model = state.has_size() ? model_error_of_size(fit, radius_px, sighting) : 0;
+  const double size_sigma_now = std::hypot(fit.log_size.sigma, by_model);
+  if (state.has_size() && size_sigma_now >= unknown_log_size) return false;
+  const bool is_size_measured = fit.visible > outline_sighter.size_visible_share && size_sigma_now < unknown_log_size;
   if (is_size_measured && state.has_size()) {
-    // The middle of a soft edge that curves lies further in by s^2 / 2r, which the fit's straight edge profile takes
-    // for size. s: half of what is known of the size is by light, half by chroma. The correction is as unsure as it is
-    // large.
-    const double soft2 = std::exp(2 * of.look.log_blur_light.value) + 0.5 * std::exp(2 * of.look.log_blur_chroma.value);
-    const double further_in_px = 0.5 * soft2 / radius_px;
-    sharp.size = {.radius_px = radius_px * std::exp(fit.log_size.value) + further_in_px,
+    sharp.size = {.radius_px = radius_px * std::exp(fit.log_size.value),
                   .log_sigma = std::sqrt(e.fit_inflation * fit.log_size.sigma * fit.log_size.sigma +
                                          (1 - of.still) * new_px2 / (radius_px * radius_px)),
-                  .log_bias = std::hypot(lasting, sighting.narrowed, further_in_px / radius_px)};
+                  .log_bias = std::hypot(lasting, sighting.narrowed, by_model)};
   } else if (is_size_measured) {
     of.log_size_weight = std::min(sighting_tuning.size_memory, of.log_size_weight + 1);
     of.log_size += off_size / of.log_size_weight;

@@ -89,13 +89,17 @@ class RayCrosser {
     const calib::Camera& camera = *views_.front().camera;
     const auto at_one_metre = project_ball(camera, camera.centre() + a.direction, target_.radius_m);
     if (!at_one_metre) return std::nullopt;
-    const double distance_m = at_one_metre->radius_px / disc_radius(a.region->area);
+    Sighting seen = sighting_at(0, *a.region, *at_one_metre);
+    measure_hull(views_.front(), *a.region, {}, seen);
+    if (!seen.size) return std::nullopt;
+    const double distance_m = at_one_metre->radius_px / seen.size->radius_px;
     PositionCandidate c;
     c.position = camera.centre() + distance_m * a.direction;
     const auto at = project_ball(camera, c.position, target_.radius_m);
     if (!at || !inside(options_.volume, c.position, target_.radius_m)) return std::nullopt;
     c.sightings.push_back(sighting_at(0, *a.region, *at));
-    const Sighting& s = c.sightings.front();
+    Sighting& s = c.sightings.front();
+    measure_hull(views_.front(), *a.region, {}, s);
     if (!s.size || !has_disc_shape(s)) return std::nullopt;
     const PositionInformation across = information_of(std::vector{set_apart(s, *at)}, c.position);
     const double along_m = distance_m * std::hypot(s.size->log_sigma, s.size->log_bias);
@@ -183,6 +187,27 @@ bool inside(const Volume& volume, const Eigen::Vector3d& p, double margin_m) {
   return ((p - volume.min).array() >= -margin_m).all() && ((volume.max - p).array() >= -margin_m).all();
 }
 
+bool may_be_inside(const Volume& volume, const Eigen::Vector3d& p, const Eigen::Matrix3d& covariance, double margin_m) {
+  const auto axes = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>().computeDirect(covariance);
+  const Eigen::Vector3d reach = std::sqrt(std::max(0.0, axes.eigenvalues()(2))) * axes.eigenvectors().col(2);
+  double from = -1, to = 1;  // of the reach: where it is between all pairs of planes
+  for (int i = 0; i < 3; ++i) {
+    const double low = volume.min(i) - margin_m - p(i), high = volume.max(i) + margin_m - p(i);
+    if (reach(i) == 0) {
+      if (low > 0 || high < 0) return false;
+      continue;
+    }
+    from = std::max(from, std::min(low / reach(i), high / reach(i)));
+    to = std::min(to, std::max(low / reach(i), high / reach(i)));
+  }
+  return from <= to;
+}
+
+bool inside(const Volume& volume, const MotionState& motion, double margin_m) {
+  return motion.has_size() ? may_be_inside(volume, motion.position(), motion.position_covariance(), margin_m)
+                           : inside(volume, motion.position(), margin_m);
+}
+
 std::optional<BallProjection> project_ball(const calib::Camera& camera, const Eigen::Vector3d& p_world,
                                            double radius_m) {
   const Eigen::Vector3d p_cam = camera.cam_from_world * p_world;
@@ -233,6 +258,26 @@ BaseError base_error(double radius_px, double pixel_noise_px, double sample_px) 
   return {.noise_px2 = (1 - region_error.bias_share) * error2, .bias_px2 = region_error.bias_share * error2};
 }
 
+namespace {
+
+// 2 sigma of the log of length over width of a disc, by the coarseness of its edge.
+double log_width_by_chance(double radius_px, double sample_px) {
+  const double coarseness = sample_px / std::max(1.0, radius_px);
+  return 2 * width_noise * coarseness * std::sqrt(coarseness);
+}
+
+// Log of length over width, smear subtracted, beyond chance: what is longer than wide is partly occluded.
+double narrowing(const Eigen::Matrix2d& spread, const ImageMotion& motion, double by_chance) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> axes =
+      Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>().computeDirect(spread);
+  const double length_px = 2 * std::sqrt(std::max(0.0, axes.eigenvalues()(1))) -
+                           0.5 * std::abs(axes.eigenvectors().col(1).dot(motion.velocity)) * motion.longest_exposure_s;
+  const double width_px = 2 * std::sqrt(std::max(0.0, axes.eigenvalues()(0)));
+  return std::max(0.0, std::log(std::max(1.0, length_px) / std::max(1.0, width_px)) - by_chance);
+}
+
+}  // namespace
+
 Sighting sighting_of(const TargetView& view, const color::ColorRegion& region, double radius_px, double pixel_noise_px,
                      const ImageMotion& motion) {
   Sighting s;
@@ -267,13 +312,7 @@ Sighting sighting_of(const TargetView& view, const color::ColorRegion& region, d
   s.covariance = axes.eigenvectors() * variance.asDiagonal() * axes.eigenvectors().transpose() + region.of_disc;
   s.evidence = region.evidence;
   s.support = std::min(1.0, region.area / (std::numbers::pi * radius_px * radius_px));
-  // A region longer than wide, smear subtracted, is partly occluded.
-  const double length_px = 2 * std::sqrt(std::max(0.0, axes.eigenvalues()(1))) -
-                           0.5 * std::abs(axes.eigenvectors().col(1).dot(motion.velocity)) * motion.longest_exposure_s;
-  const double width_px = 2 * std::sqrt(std::max(0.0, axes.eigenvalues()(0)));
-  const double coarseness = sample_px(*view.image) / std::max(1.0, radius_px);
-  const double by_chance = 2 * width_noise * coarseness * std::sqrt(coarseness);  // 2 sigma
-  s.narrowed = std::max(0.0, std::log(std::max(1.0, length_px) / std::max(1.0, width_px)) - by_chance);
+  s.narrowed = narrowing(region.spread, motion, log_width_by_chance(radius_px, sample_px(*view.image)));
   if (region.of_disc.any()) {
     // What hides a part of a disc in a room that shares the colour is mostly a hand that moves along: the error lasts.
     s.hidden_px = sighting_tuning.cut_error * (1 - s.support) * radius_px;
@@ -285,6 +324,18 @@ Sighting sighting_of(const TargetView& view, const color::ColorRegion& region, d
               .is_bias_constant = true};
   }
   return s;
+}
+
+void measure_hull(const TargetView& view, const color::ColorRegion& region, const ImageMotion& motion, Sighting& s) {
+  if (!s.size) return;
+  const double chance = log_width_by_chance(s.radius_px, sample_px(*view.image));
+  if (chance > sighting_tuning.shading_share) return;
+  const color::ConvexHull hull = color::hull_of(*view.matches, region.box);
+  const double edge = std::sqrt(std::max(0.0, std::pow(s.size->log_sigma, 2) - s.narrowed * s.narrowed));
+  s.narrowed = narrowing(hull.spread, motion, chance);
+  s.size->radius_px = disc_radius(hull.area);
+  s.size->log_sigma = std::hypot(edge, s.narrowed);
+  s.size->log_bias = sighting_tuning.shading_share;
 }
 
 void sort_by_time(std::vector<Sighting>& sightings) {

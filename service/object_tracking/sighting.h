@@ -17,6 +17,10 @@ namespace huetrack::object_tracking {
 
 // margin_m: tolerance outside of it.
 bool inside(const Volume& volume, const Eigen::Vector3d& p, double margin_m);
+// The same, or a place within one sigma along the least certain axis is: with one camera, its ray.
+bool may_be_inside(const Volume& volume, const Eigen::Vector3d& p, const Eigen::Matrix3d& covariance, double margin_m);
+// With one camera the latter, with several the former.
+bool inside(const Volume& volume, const MotionState& motion, double margin_m);
 
 inline double disc_area(double radius_px) {
   return std::numbers::pi * radius_px * radius_px;
@@ -129,6 +133,12 @@ struct ImageMotion {
 // (EXPERIMENTS.md).
 Sighting sighting_of(const TargetView& view, const color::ColorRegion& region, double radius_px, double pixel_noise_px,
                      const ImageMotion& motion);
+
+// With one camera. A ball's image is convex: the size of the region's convex hull is right where stripes, glints or
+// what covers a part make its area too small. Of small discs the coarseness of the edge makes the hull too large: there
+// the area stays. No effect where `size` is not measured.
+void measure_hull(const TargetView& view, const color::ColorRegion& region, const ImageMotion& motion,
+                  Sighting& sighting);
 
 // Gaussian over a position in information form; positive semidefinite, rank 2 for one view.
 struct PositionInformation {

@@ -124,7 +124,7 @@ struct EdgeSums::Chunk {
 
   // The nearest point of the outline at one moment of the exposure.
   struct Edge {
-    float nu, nv, off, grow, across, inv_light, inv_color;
+    float nu, nv, off, grow, across, inv_light, inv_color, off_light, off_color;
   };
   [[gnu::always_inline]] static Edge edge_at(const EdgeModel& m, float cu, float cv, float e2, float u, float v) {
     Edge e;
@@ -138,6 +138,7 @@ struct EdgeSums::Chunk {
     e.across = m.vx * e.nu + m.vy * e.nv;
     const float width = m.blur2 + m.extra_u * e.nu * e.nu + m.extra_v * e.nv * e.nv + e2 * e.across * e.across;
     e.inv_light = m.per_width(width), e.inv_color = m.per_color_width(width + m.more2);
+    e.off_light = e.off + m.curve * width, e.off_color = e.off + m.curve * (width + m.more2);
     return e;
   }
   // The edge profile is the integral of (1 - s^2)^3, a normal distribution that ends at three standard deviations.
@@ -160,12 +161,12 @@ struct EdgeSums::Chunk {
     for (int i = 0; i < n; ++i) {
       const Edge e = edge_at(m, m.cu, m.cv, e2, of.u[i], of.v[i]);
       nu[i] = e.nu, nv[i] = e.nv, grow[i] = e.grow, across[i] = e.across;
-      const auto cover = [&](float inv, Covered& out) __attribute__((always_inline)) {
-        const float t = e.off * inv, s = to_three_sigmas(t), s2 = s * s, by_off = density(s2) * inv;
-        out.a[i] = covered(s, s2), out.by_off[i] = by_off, out.by_variance[i] = by_off * t * inv;
+      const auto cover = [&](float inv, float off, Covered& out) __attribute__((always_inline)) {
+        const float t = off * inv, s = to_three_sigmas(t), s2 = s * s, by_off = density(s2) * inv;
+        out.a[i] = covered(s, s2), out.by_off[i] = by_off, out.by_variance[i] = by_off * t * inv - 2 * m.curve * by_off;
       };
-      cover(e.inv_light, light);
-      cover(e.inv_color, color);
+      cover(e.inv_light, e.off_light, light);
+      cover(e.inv_color, e.off_color, color);
     }
   }
 
@@ -177,9 +178,9 @@ struct EdgeSums::Chunk {
     const float share = 1 / static_cast<float>(m.moments);
     for (int i = 0; i < n; ++i) {
       const Edge e = edge_at(m, cu, cv, e2, of.u[i], of.v[i]);
-      const auto cover = [&](float inv, Covered& out, Smeared& smeared) __attribute__((always_inline)) {
-        const float t = e.off * inv, s = to_three_sigmas(t), s2 = s * s, by_off = share * density(s2) * inv;
-        const float by_variance = by_off * t * inv;
+      const auto cover = [&](float inv, float off, Covered& out, Smeared& smeared) __attribute__((always_inline)) {
+        const float t = off * inv, s = to_three_sigmas(t), s2 = s * s, by_off = share * density(s2) * inv;
+        const float by_variance = by_off * t * inv - 2 * m.curve * by_off;
         const auto add = [&](float& to, float value) __attribute__((always_inline)) {
           if constexpr (first) {
             to = value;
@@ -192,8 +193,8 @@ struct EdgeSums::Chunk {
         add(smeared.by_size[i], by_off * e.grow);
         add(smeared.by_exposure[i], by_off * e.across * when + by_variance * wider * e.across * e.across);
       };
-      cover(e.inv_light, light, smeared_light);
-      cover(e.inv_color, color, smeared_color);
+      cover(e.inv_light, e.off_light, light, smeared_light);
+      cover(e.inv_color, e.off_color, color, smeared_color);
     }
   }
   [[gnu::always_inline]] void cover_smeared() {
@@ -212,7 +213,7 @@ struct EdgeSums::Chunk {
       if (moment == 0) std::fill_n(light.a, n, 0.f), std::fill_n(color.a, n, 0.f);
       for (int i = 0; i < n; ++i) {
         const Edge e = edge_at(m, cu, cv, e2, of.u[i], of.v[i]);
-        const float sl = to_three_sigmas(e.off * e.inv_light), sc = to_three_sigmas(e.off * e.inv_color);
+        const float sl = to_three_sigmas(e.off_light * e.inv_light), sc = to_three_sigmas(e.off_color * e.inv_color);
         light.a[i] = kept * light.a[i] + share * covered(sl, sl * sl);
         color.a[i] = kept * color.a[i] + share * covered(sc, sc * sc);
       }

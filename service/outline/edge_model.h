@@ -53,6 +53,7 @@ struct EdgeModel {
   float sigma;                      // of a sample, grey values
   // px^2: variance of the edge in light; what colour adds; of the sample's own extent; and per (px/s)^2 and s^2.
   float blur2, more2, extra_u, extra_v, smear2;
+  float curve = 0;  // 1/px, half the outline's curvature: its soft edge lies further in by this times its variance
   float cu, cv, m00, m01, m10, m11;                   // centre; disc_from_px
   InverseRoot per_slope, per_width, per_color_width;  // set by finish()
   float vx, vy, exposure;                             // px/s, s

@@ -203,6 +203,7 @@ EdgeModel OutlineFit::model_of_light() const {
   k.level = object_.maxCoeff();
   for (int i = 0; i < 9; ++i) k.shading[static_cast<std::size_t>(i)] = static_cast<float>(x_[shading_ + i]);
   for (int i = 0; i < 3; ++i) k.paleness[static_cast<std::size_t>(i)] = static_cast<float>(x_[paleness_ + i]);
+  k.curve = is_edge_curved_ ? static_cast<float>(0.5 * std::exp(-x_[size_]) / band_.radius_px) : 0.f;
   k.lit = static_cast<float>(1 + x_[lit_]), k.lit_v = static_cast<float>(x_[lit_ + 1] / band_.radius_px);
   k.finish();
   return k;
@@ -366,6 +367,8 @@ void OutlineFit::report(const AppearanceModel& model, Fit& out) const {
       (is_light_held_ ? held_normal_.topLeftCorner<2, 2>().eval() : normal_.topLeftCorner<2, 2>().eval()).inverse();
   if (const auto size = without_prior(size_)) {
     out.log_size = {size->value, std::sqrt(worse) * size->sigma};
+    const double unexplained = std::max(0.0, misfit_ - 1 - 2 * misfit_by_chance());
+    out.size_model_error = std::sqrt(unexplained * outline_fit.alike_share * sums_.trusted) * size->sigma;
   } else {
     out.log_size = {x_[size_], 1};
   }
@@ -397,6 +400,7 @@ Fit OutlineFit::fit(const Picture& picture, const Background& behind, const Elli
   Fit out;
   out.centre = start.centre;
   lay_out(start, movement, model);
+  is_edge_curved_ = options.is_edge_curved;
   out.outcome = FitOutcome::too_small;
   if (!(band_.radius_px >= outline_fit.min_radius_px) || !start.centre.allFinite() || !band_.disc_from_px.allFinite())
     return out;

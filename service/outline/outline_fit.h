@@ -77,7 +77,8 @@ struct FitOptions {
   // Shading, blur and exposure may be held at their means, which is less work. They are fitted all the same where the
   // picture does not fit as the last one promised.
   bool may_hold_light = false;
-  int most_steps = 6;  // Gauss-Newton
+  bool is_edge_curved = false;  // the edge profile is that of a disc instead of a half plane: for measuring the size
+  int most_steps = 6;           // Gauss-Newton
 };
 
 enum class FitOutcome : std::uint8_t {
@@ -97,8 +98,10 @@ struct Fit {
   Eigen::Matrix2d model_error = Eigen::Matrix2d::Zero();
   Eigen::Matrix2d bound = Eigen::Matrix2d::Identity();  // px^2, if all but the centre were known
   Estimate log_size;                                    // by the pixels alone, without its prior
-  double misfit = 0;                                    // mean squared residual in variances
-  double visible = 0;                                   // share of the edge that counted
+  // Error of the log size that is alike in many samples: by how much the misfit is above what noise explains.
+  double size_model_error = 0;
+  double misfit = 0;   // mean squared residual in variances
+  double visible = 0;  // share of the edge that counted
   bool is_light_held = false;
   int steps = 0, pixels = 0;
 };
@@ -156,7 +159,7 @@ class OutlineFit {
   Unknowns x_, expected_, gradient_;
   Normal information_, normal_;  // of the prior; of the samples
   HeldNormal held_normal_;
-  bool is_light_held_ = false;
+  bool is_light_held_ = false, is_edge_curved_ = false;
   NormalEquations<unknowns, reported_unknowns> equations_;
   NormalEquations<held_count, placed> held_equations_;
   Eigen::Matrix3d place_covariance_, held_open_;  // of place and log size; its part due to what is held

@@ -13,7 +13,17 @@ along it if the edge were known to 0.1 px; NEES (3 is honest), share inside 95 %
 Real videos of one uncalibrated camera (../shared/data/green_ball_in_hand, red_pendulum), taught by one click at the labelled centre of
 one frame. Printed: share of the labelled frames in which the published centre projects to within 0.35 radii of the label, and in which
 the published radius is right to 12 %; frames in which something is published (tracking or coasting) although the ball is not visible,
-more than two frames from those in which it is. A lens of 60 degrees is assumed: it scales all distances alike. Needs Debian's python3-numpy and python3-yaml."""
+more than two frames from those in which it is. A lens of 60 degrees is assumed: it scales all distances alike. Needs Debian's python3-numpy and python3-yaml.
+
+    one_camera.py HUETRACKD --flight VIDEO
+
+VIDEO: balle1-vp9.avi of Debian's python3-mecavideo (its data/video), a ball that is thrown. Printed: rms deviation of the free flight from
+a parabola, % of its path; in the picture, and in 3-D, where the distance is by the ball's size.
+
+    one_camera.py HUETRACKD --last-view SCENE=BALL[,BALL]...
+
+With all cameras: sets in which only one of several views sees half of the ball. Printed: share `tracking` and `coasting`, error along
+that view's ray and NEES while `tracking`, and how many sets it takes to be `tracking` again when a second view sees it."""
 import argparse
 import pathlib
 import subprocess
@@ -99,25 +109,92 @@ def measured(rows, truth, cameras, radius_m):
                   "nees": nees[mine].mean(), "inside95_pct": 100 * (nees[mine] < figures.CHI2_3_95).mean()}
 
 
-def video(huetrackd, file, labels, visible, size, click):
-    """labels: {frame: (u, v, radius)}; visible: frames that show the ball."""
-    focal = size[0] / 2 / np.tan(np.radians(30))
-    camera = {"image_size": list(size), "model": "pinhole_radtan", "intrinsics": {"fx": float(focal), "fy": float(focal), "cx": size[0] / 2, "cy": size[1] / 2},
+def flight(huetrackd, file, click=(40, 127, 53), frames=(30, 125), size=(320, 240)):
+    tracks, failed = tracked_video(huetrackd, file, size, click)
+    if failed:
+        sys.exit(failed)
+    rows = [row for row in tracks[frames[0]:frames[1]] if row["state"] == "tracking"]
+    t, p = figures.column(rows, "t")[:, 0], figures.column(rows, "x", "y", "z")
+    for name, path in (("picture, px", focal_of(size) * p[:, :2] / p[:, 2:]), ("3-D, m", p)):
+        powers = np.vander(t - t.mean(), 3)
+        parabola = powers @ np.linalg.lstsq(powers, path, rcond=None)[0]
+        length = np.linalg.norm(np.diff(parabola, axis=0), axis=1).sum()
+        off = np.sqrt(((path - parabola) ** 2).sum(axis=1).mean())
+        print(f"{name:12} {len(rows)} of {frames[1] - frames[0]} frames, rms {off:.4g} of a path of {length:.4g}: {100 * off / length:.2f} %")
+
+
+def last_view(huetrackd, scene, balls):
+    file = scene / "huetrackd.yaml"
+    config = yaml.safe_load(file.read_text()) if file.exists() else {"version": 1, "targets": {ball: COLOURS[ball] for ball in balls}}
+    config.pop("cameras", None)
+    config["object_tracking"] = {"volume": ROOM} | config.get("object_tracking", {})
+    config["rig"] = str(scene / "rig.yaml")
+    cameras = yaml.safe_load((scene / "rig.yaml").read_text())["cameras"]
+    with tempfile.TemporaryDirectory() as scratch:
+        scratch = pathlib.Path(scratch)
+        (scratch / "all.yaml").write_text(yaml.safe_dump(config, sort_keys=False))
+        subprocess.run([huetrackd, "replay", scratch / "all.yaml", scene, "--no-dds", "--quiet", "--tracks", scratch / "tracks.csv"],
+                       check=True, capture_output=True)
+        rows = figures.read_csv(scratch / "tracks.csv")
+    for ball in balls or config["targets"]:
+        truth = figures.Truth(scene, ball, 0.5)
+        mine = [row for row in rows if row["target"] == ball]
+        t = figures.column(mine, "t")[:, 0]
+        views, state = truth.seen_by(t), np.array([row["state"] for row in mine])
+        is_alone = (views == 1) & (t >= truth.t[0]) & (t <= truth.t[-1])
+        along, nees = [], []
+        for i in np.flatnonzero(is_alone & (state == "tracking")):
+            name = next(c for c, (at, seen) in truth.views.items() if seen[np.abs(at - t[i]).argmin()])
+            rotation, translation = figures.pose_of(cameras[name])
+            true = truth.at(t[i:i + 1])[0]
+            ray, off = true + rotation.T @ translation, figures.column(mine[i:i + 1], "x", "y", "z")[0] - true
+            c = figures.column(mine[i:i + 1], "cxx", "cxy", "cxz", "cyy", "cyz", "czz")[0][[0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(3, 3)
+            along.append(off @ ray / np.linalg.norm(ray))
+            nees.append(off @ np.linalg.solve(c, off))
+        back, since = [], None
+        for before, now, s in zip(views, views[1:], state[1:]):
+            since = 0 if before < 2 <= now else None if now < 2 or since is None else since + 1
+            if since is not None and s == "tracking":
+                back.append(since)
+                since = None
+        share = [100 * (is_alone & (state == s)).sum() / max(1, is_alone.sum()) for s in ("tracking", "coasting")]
+        print(f"{scene.name} {ball}: {is_alone.sum()} sets with one view, tracking {share[0]:.0f} %, coasting {share[1]:.0f} %" +
+              (f"; along {1e3 * np.sqrt(np.square(along).mean()):.1f} mm rms, NEES {np.mean(nees):.1f}" if along else "") +
+              f"; back after {np.mean(back) if back else float('nan'):.1f} sets ({len(back)} times)")
+
+
+RADIUS_M = 0.035  # of the ball in a video, which no one has measured
+
+
+def focal_of(size):
+    return float(size[0] / 2 / np.tan(np.radians(30)))
+
+
+def tracked_video(huetrackd, file, size, click):
+    """click: frame, u, v. Rows of the track, and why there are none."""
+    focal = focal_of(size)
+    camera = {"image_size": list(size), "model": "pinhole_radtan", "intrinsics": {"fx": focal, "fy": focal, "cx": size[0] / 2, "cy": size[1] / 2},
               "distortion": [0, 0, 0, 0, 0], "cam_from_world": {"rotation": np.eye(3).tolist(), "translation": [0, 0, 0]}}
-    radius_m = 0.035
-    config = {"version": 1, "rig": "rig.yaml", "targets": {"ball": {"radius_m": radius_m}},
-              "object_tracking": {"volume": {"min": [-3, -3, 0.2], "max": [3, 3, 5]}}}
+    config = {"version": 1, "rig": "rig.yaml", "targets": {"ball": {"radius_m": RADIUS_M}},
+              "object_tracking": {"volume": {"min": [-3, -3, 0.2], "max": [3, 3, 6]}}}
     with tempfile.TemporaryDirectory() as scratch:
         scratch = pathlib.Path(scratch)
         (scratch / "rig.yaml").write_text(yaml.safe_dump({"version": 1, "cameras": {"cam0": camera}}))
         (scratch / "one.yaml").write_text(yaml.safe_dump(config))
-        u, v, _ = labels[click]
-        for command in (["teach", scratch / "one.yaml", f"cam0={file}", "--at", f"cam0,{click},{u:.0f},{v:.0f}"],
+        for command in (["teach", scratch / "one.yaml", f"cam0={file}", "--at", f"cam0,{click[0]},{click[1]:.0f},{click[2]:.0f}"],
                         ["replay", scratch / "one.yaml", f"cam0={file}", "--no-dds", "--quiet", "--tracks", scratch / "tracks.csv"]):
             done = subprocess.run([huetrackd, *command], capture_output=True, text=True)
             if done.returncode:
-                return {"failed": (done.stdout + done.stderr).strip()[-300:]}
-        rows = figures.read_csv(scratch / "tracks.csv")
+                return [], (done.stdout + done.stderr).strip()[-300:]
+        return figures.read_csv(scratch / "tracks.csv"), None
+
+
+def video(huetrackd, file, labels, visible, size, click):
+    """labels: {frame: (u, v, radius)}; visible: frames that show the ball."""
+    rows, failed = tracked_video(huetrackd, file, size, (click, *labels[click][:2]))
+    if failed:
+        return {"failed": failed}
+    focal = focal_of(size)
     near = right_size = 0
     for frame, (u, v, radius_px) in labels.items():
         if frame >= len(rows) or rows[frame]["state"] != "tracking":
@@ -125,7 +202,9 @@ def video(huetrackd, file, labels, visible, size, click):
         p = np.array([float(rows[frame][k]) for k in "xyz"])
         at = focal * p[:2] / p[2] + np.array(size) / 2
         near += np.linalg.norm(at - [u, v]) < 0.35 * radius_px
-        right_size += abs(np.log(focal * radius_m / np.linalg.norm(p) / radius_px)) < np.log(1.12)
+        # The mean radius of a ball's image in perspective, which grows off the axis.
+        published_px = focal * RADIUS_M * np.linalg.norm(p) ** 0.5 / p[2] ** 1.5
+        right_size += abs(np.log(published_px / radius_px)) < np.log(1.12)
     is_near_visible = {f + d for f in visible for d in range(-2, 3)}
     wrong = sum(row["state"] in ("tracking", "coasting") for f, row in enumerate(rows) if f not in is_near_visible)
     return {"labels": len(labels), "centre_pct": 100 * near / len(labels), "radius_pct": 100 * right_size / len(labels),
@@ -155,7 +234,16 @@ def main():
     parser.add_argument("huetrackd", type=pathlib.Path)
     parser.add_argument("scenes", nargs="*")
     parser.add_argument("--videos", nargs="?", type=pathlib.Path, const=pathlib.Path(__file__).resolve().parents[2] / "../shared/data")
-    options = parser.parse_args()
+    parser.add_argument("--flight", type=pathlib.Path)
+    parser.add_argument("--last-view", action="store_true")
+    options = parser.parse_intermixed_args()
+    if options.flight:
+        return flight(options.huetrackd.resolve(), options.flight.resolve())
+    if options.last_view:
+        for word in options.scenes:
+            folder, _, balls = word.partition("=")
+            last_view(options.huetrackd.resolve(), pathlib.Path(folder).resolve(), balls.split(",") if balls else [])
+        return None
     if options.videos:
         return videos(options.huetrackd.resolve(), options.videos.resolve())
     columns = ["sets", "tracking_pct", "across_mm", "along_mm", "along_pct", "along_bias_pct", "bound_pct", "nees", "inside95_pct", "far"]

@@ -158,6 +158,42 @@ TEST(RegionFinder, poleBeforeABallDoesNotCutItInTwo) {
   EXPECT_GT(whole[0].area, 220);
 }
 
+TEST(HullOf, isTheDiscWhateverItsStripesLeaveOut) {
+  for (const double r : {1.0, 4.3, 9.0, 25.4}) {
+    int disc = 0;
+    Eigen::Matrix2d spread = Eigen::Matrix2d::Zero();
+    for (int v = 0; v < 80; ++v) {
+      for (int u = 0; u < 80; ++u) {
+        if (!in_disc(u, v, 40.2, 38.9, r)) continue;
+        ++disc;
+        spread += (Eigen::Vector2d(u, v) - Eigen::Vector2d(40.2, 38.9)) *
+                  (Eigen::Vector2d(u, v) - Eigen::Vector2d(40.2, 38.9)).transpose();
+      }
+    }
+    spread /= disc;
+    View whole(draw(80, 80, [&](int u, int v) { return in_disc(u, v, 40.2, 38.9, r); }));
+    const ConvexHull hull = hull_of(whole.bits, {0, 0, 79, 79});
+    EXPECT_EQ(hull.area, disc) << r;
+    if (r > 4) {
+      EXPECT_LT((hull.spread - spread).norm(), 0.12 * spread.norm()) << r;
+    }
+    View striped(draw(80, 80, [&](int u, int v) { return in_disc(u, v, 40.2, 38.9, r) && v % 3 != 0; }));
+    if (r > 4) {
+      EXPECT_NEAR(hull_of(striped.bits, {0, 0, 79, 79}).area, disc, 0.07 * disc) << r;
+    }
+  }
+}
+
+TEST(HullOf, lineAndNothing) {
+  View line(draw(80, 60, [](int u, int v) { return v == 20 && u >= 5 && u <= 70; }));
+  const ConvexHull hull = hull_of(line.bits, {0, 0, 79, 59});
+  EXPECT_EQ(hull.area, 66);
+  EXPECT_EQ(hull.spread, Eigen::Matrix2d::Zero().eval());
+  EXPECT_EQ(hull_of(line.bits, {30, 10, 30, 40}).area, 1);
+  EXPECT_EQ(hull_of(line.bits, {0, 30, 79, 59}).area, 0);
+  EXPECT_EQ(hull_of(line.bits, {90, 0, 99, 9}).area, 0);
+}
+
 // Two objects further apart than the reach stay two, and a chain of pieces does not pull them together.
 TEST(RegionFinder, reachIsFromTheLargestPart) {
   RegionFinder finder;

@@ -43,6 +43,41 @@ double rounding(double radius_px) {
   return 1 / (12 * std::numbers::pi * radius_px);
 }
 
+TEST(Volume, APlaceMayBeInsideIfOneSigmaAlongItsRayIs) {
+  const Volume volume{{-1, -1, 0}, {1, 1, 2}};
+  const Vector3d ray = Vector3d(1, 0.2, -0.1).normalized(), p(1.4, 0, 1);
+  const auto covariance = [&](double along_m) {
+    return Eigen::Matrix3d(1e-6 * Eigen::Matrix3d::Identity() + along_m * along_m * ray * ray.transpose());
+  };
+  EXPECT_FALSE(inside(volume, p, 0.04));
+  EXPECT_FALSE(may_be_inside(volume, p, covariance(0.3), 0.04));
+  EXPECT_TRUE(may_be_inside(volume, p, covariance(0.5), 0.04));
+  EXPECT_FALSE(may_be_inside(volume, p + Vector3d(0, 1.3, 0), covariance(0.5), 0.04)) << "the ray passes by";
+  EXPECT_TRUE(may_be_inside(volume, {0, 0, 1}, Eigen::Matrix3d::Zero(), 0));
+  EXPECT_FALSE(may_be_inside(volume, p, Eigen::Matrix3d::Zero(), 0.04));
+}
+
+TEST(SightingOf, HullIsTheSizeOfALargeStripedDiscOnly) {
+  for (const double r : {6.0, 25.0}) {
+    const capture::Image image = color::mask_image(
+        100, 100, [&](int u, int v) { return Vector2d(u - 50.3, v - 49.6).norm() <= r && v % 4 != 0; });
+    color::MatchBits bits(100, 100);
+    bits.look_at(image, color::mask_table());
+    color::RegionFinder finder;
+    const color::ColorRegion region = finder.find(bits, {0, 0, 99, 99}, 1, 2 * r).at(0);
+    TargetView view{};
+    view.image = &image, view.matches = &bits;
+    Sighting s = sighting_of(view, region, r, 0.2, {});
+    ASSERT_TRUE(s.size);
+    EXPECT_LT(s.size->radius_px, 0.93 * r);
+    measure_hull(view, region, {}, s);
+    if (r > 10)
+      EXPECT_NEAR(s.size->radius_px, r, 0.03 * r);
+    else
+      EXPECT_EQ(s.size->radius_px, s.radius_px);
+  }
+}
+
 TEST(SightingOf, WholeDiscHasThePixelNoise) {
   for (const double r : {3.0, 5.0, 8.0, 16.0, 30.0}) {
     const Sighting s = sighting_of_disc(r, 0, -100);

@@ -16,8 +16,9 @@ namespace huetrack::outline {
 struct DiscScene {
   Eigen::Vector2d centre{60.3, 44.8};
   double radius_px = 7, blur_px = 0.7;
-  double smear_px = 0;  // motion along u during the exposure
-  double shear_px = 0;  // rolling shutter: motion along u per row
+  bool is_blurred_disc = false;  // as lenses do; else the edge's profile is that of a half plane
+  double smear_px = 0;           // motion along u during the exposure
+  double shear_px = 0;           // rolling shutter: motion along u per row
   bool has_disc = true;
   int pillar_from = -1;  // columns from here on occlude the disc
   int finger_from = -1;  // the same by a finger of nearly its colour, which is not background
@@ -87,11 +88,24 @@ class DiscPicture {
     }
   }
 
+  // Share of a normal distribution, `away` pixels from the centre, that lies within the disc.
+  static double blurred(const DiscScene& scene, double away) {
+    constexpr int chords = 200;
+    const double r = scene.radius_px, s = scene.blur_px, step = 2 * r / chords;
+    double sum = 0;
+    for (int i = 0; i < chords; ++i) {
+      const double y = -r + (i + 0.5) * step, off = (y - away) / s;
+      sum += std::exp(-0.5 * off * off) * std::erf(std::sqrt(r * r - y * y) / (s * std::sqrt(2.0)));
+    }
+    return sum * step / (s * std::sqrt(2 * 3.14159265358979));
+  }
+
   static double covered(const DiscScene& scene, int u, int v) {
     if (!scene.has_disc) return 0;
     const double centre_u = scene.centre.x() + scene.shear_px * (v - scene.centre.y());
     const double nearest = std::hypot(u - centre_u, v - scene.centre.y()) - scene.radius_px;
     if (std::abs(nearest) > 6 * scene.blur_px + scene.smear_px) return nearest < 0 ? 1 : 0;
+    if (scene.is_blurred_disc) return blurred(scene, nearest + scene.radius_px);
     const int moments = scene.smear_px > 0 ? 9 : 1;
     double sum = 0;
     for (int m = 0; m < moments; ++m) {

@@ -51,6 +51,27 @@ TEST_F(OutlineFitTest, FindsADiscToHundredthsOfAPixel) {
   EXPECT_LT(std::sqrt(sum2 / 20), 0.05);
 }
 
+// The middle of its edge lies within it by half the variance over the radius.
+TEST_F(OutlineFitTest, ASmallSoftDiscIsAsLargeAsItIsIfItsEdgeIsCurved) {
+  learn({});
+  DiscPicture picture;
+  double straight = 0, curved = 0;
+  for (unsigned i = 0; i < 10; ++i) {
+    DiscScene scene{.radius_px = 4, .blur_px = 1, .is_blurred_disc = true};
+    scene.centre += Eigen::Vector2d(0.13 * i, 0.07 * i);
+    const Ellipse start{scene.centre, scene.radius_px * Eigen::Matrix2d::Identity()};
+    const auto size = [&](bool is_edge_curved) {
+      const Fit f = fit_->fit(picture.draw(scene, i), background_, start, {}, {},
+                              {.log_size = {0, 0.1}, .is_edge_curved = is_edge_curved});
+      EXPECT_EQ(f.outcome, FitOutcome::fits);
+      return f.log_size.value / 10;
+    };
+    straight += size(false), curved += size(true);
+  }
+  EXPECT_LT(straight, -0.015);
+  EXPECT_NEAR(curved, 0, 0.015);
+}
+
 TEST_F(OutlineFitTest, CovarianceIsThatOfTheErrors) {
   learn({.noise = 4});
   double nees = 0;

@@ -714,6 +714,31 @@ TEST(ObjectTracker, OneCameraTracksABallByItsSize) {
   EXPECT_LT(o.rms_m, 0.08);  // 0.1 px of a radius of 4 px are 2.5 % of 3 m
 }
 
+TEST(ObjectTracker, OneCameraPublishesNothingThatLeftItsPicture) {
+  const auto path = [](double t) {
+    const double y = t < 2.5 ? 0.5 * std::sin(1.5 * t) : 0.5 * std::sin(3.75) - 1.5 * (t - 2.5);
+    return Vector3d(0.2 * std::sin(2 * t), y, 1 + 0.2 * std::sin(t));
+  };
+  const scene::Scene scene = ring(1).ball({.path = path}).build();
+  const calib::Camera& camera = scene.rig.cameras.front();
+  ObjectTrackerOptions options = options_with();
+  options.volume = {{-4, -4, 0}, {4, 4, 2}};  // reaches further than the picture
+  ObjectTracker tracker(scene.rig, lime(), options);
+  int tracked = 0, gone = 0;
+  for (const capture::FrameSet& set : scene::render(scene, {.set_count = 120})) {
+    const ObjectEstimate e = tracker.update(set);
+    const auto px = camera.model.project(camera.cam_from_world * scene.ball_at(0, set.at));
+    const bool is_visible = px && camera.contains(*px);
+    tracked += e.state == TrackState::tracking ? 1 : 0;
+    gone = is_visible ? 0 : gone + 1;
+    if (gone > 2) {
+      EXPECT_FALSE(e.has_position()) << set.number;
+    }
+  }
+  EXPECT_GT(tracked, 60);
+  EXPECT_GT(gone, 6);
+}
+
 TEST(ObjectTracker, OneCameraFindsNoBlob) {
   const scene::Scene scene = ring(1).ball({}).build();
   TargetOptions blob = lime();

@@ -170,6 +170,7 @@ void ObjectSighter::sight(const std::vector<TargetView>& views, const ObjectFilt
     const double log_size = std::log(disc_radius(chosen_region.area) / at.radius_px);
     chosen->missing = usual.missing(log_size);
     usual.add(log_size);
+    if (motion.has_size()) measure_hull(view, chosen_region, image_motion(view, at, motion), *chosen);
     // Inconsistent views are not refined: outlines do not show which view is wrong.
     if (!is_inconsistent) outlines_.sharpen(view, motion, *expected, s, *chosen);
     chosen->row = row_of(view, chosen->px.y(), motion);

@@ -21,10 +21,11 @@ void PublishedObjects::report(const capture::FrameSet& set, const TargetViews& v
   auto published = std::ranges::count_if(
       objects, [](const auto& object) { return object->is_published && object->state != TrackState::lost; });
   for (const auto& object : objects) {
-    const bool is_inside = inside(options_.volume, object->filter.motion().position(), target_.radius_m);
+    const bool is_inside = inside(options_.volume, object->filter.motion(), target_.radius_m);
     if (is_inside) object->last_inside = set.at;
     const bool is_birth = !object->is_published;
     if (is_birth && !(is_inside && is_to_publish(*object, agreement, published, further_at))) continue;
+    if (object->is_out_of_picture && target_.count == 1) continue;  // it may come back, as from a bounce
     const bool is_end =
         object->state == TrackState::lost || capture::seconds(set.at - object->last_inside) > options_.coast_s;
     const TrackState state = is_end ? TrackState::lost : is_inside ? object->state : TrackState::coasting;

@@ -231,13 +231,26 @@ bool RegionTracker::measure_after_bounce(TrackedObject& object, const capture::F
   return true;
 }
 
+// With one camera no other view sees where it goes.
+bool RegionTracker::has_left_picture(const TrackedObject& object) const {
+  if (rig_.cameras.size() > 1 || !object.sightings.empty() || views_.used().empty()) return false;
+  const TargetView& view = views_.used().front();
+  const auto expected = expected_in(view, object.filter.motion(), target_.radius_m);
+  if (!expected) return true;
+  const BallProjection& at = expected->at;
+  const calib::ImageSize& size = view.camera->image_size;
+  return at.px.x() < -at.radius_px || at.px.y() < -at.radius_px || at.px.x() > size.width - 1 + at.radius_px ||
+         at.px.y() > size.height - 1 + at.radius_px;
+}
+
 // One object outside of the volume may come back; several are followed there. report() decides what is published.
 void RegionTracker::judge(TrackedObject& object, const capture::FrameSet& set) {
   const MotionState& motion = object.filter.motion();
   const Judged now =
       judged(options_, object.filter, object.sightings, consistency_.inflated_sigma(motion, object.sightings),
              capture::seconds(set.at - object.last_tracking),
-             !is_alone() || inside(options_.volume, motion.position(), target_.radius_m));
+             !is_alone() || inside(options_.volume, motion, target_.radius_m));
+  object.is_out_of_picture = has_left_picture(object);
   object.state = object.existence.is_refuted()                                      ? TrackState::lost
                  : now.state == TrackState::tracking && !object.existence.is_sure() ? TrackState::coasting
                                                                                     : now.state;
@@ -297,8 +310,11 @@ std::vector<Birth> RegionTracker::births(const capture::FrameSet& set, const std
       if (clutter_.is_crowded(std::size_t(view.index))) clutter_mask_.note_crowded(std::size_t(view.index));
   std::vector<Birth> out = births_.look(views, regions, covered, clutter_, clutter_mask_, set.at, times());
   if (is_alone())
-    std::erase_if(out,
-                  [&](const Birth& birth) { return !inside(options_.volume, birth.now.position, target_.radius_m); });
+    std::erase_if(out, [&](const Birth& birth) {
+      const PositionCandidate& at = birth.now;
+      return rig_.cameras.size() == 1 ? !may_be_inside(options_.volume, at.position, at.covariance, target_.radius_m)
+                                      : !inside(options_.volume, at.position, target_.radius_m);
+    });
   for (const Birth& birth : out) clutter_.claim(birth.earlier.sightings);
   clutter_.add(views, regions);
   births_.claim(clutter_);

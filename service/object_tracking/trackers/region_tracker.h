@@ -87,6 +87,7 @@ class RegionTracker {
                             const std::vector<object_tracking::TargetView>& views);
   bool measure_after_bounce(TrackedObject& object, const capture::FrameSet& set,
                             const std::vector<object_tracking::TargetView>& views, double power_density);
+  bool has_left_picture(const TrackedObject& object) const;
   void judge(TrackedObject& object, const capture::FrameSet& set);
   void end_duplicates();
 

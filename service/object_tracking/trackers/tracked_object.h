@@ -28,7 +28,8 @@ struct TrackedObject {
   objects::ObjectExistence existence;
   object_tracking::TrackState state = object_tracking::TrackState::tracking;  // lost: its track has ended
   bool is_published = false;                                                  // in the last set
-  bool is_new = true;  // found in this set: its position is too unsure to learn around it
+  bool is_out_of_picture = false;  // of the only camera: followed, but not published
+  bool is_new = true;              // found in this set: its position is too unsure to learn around it
   capture::Timestamp last_tracking{}, last_inside{}, last_published = capture::Timestamp::min();
   double hidden_radii = 0;  // hidden_error() of the last sightings
   // Of this set, sorted by the time of their rows.
