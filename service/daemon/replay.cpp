@@ -362,7 +362,8 @@ ReplaySummary summary_of(const config::ServiceConfig& config, const ReplayComman
         target.first_tracking_set) {
       target.advice = reports::lost_advice(target.lost_share(), figures.searches_of_run[t], config.targets[t], cameras,
                                            do_views_contradict);
-      target.is_lost_in_view = figures.searches_of_run[t].is_in_two_views();
+      target.is_seen_in_vain =
+          !do_views_contradict && reports::is_seen_in_vain(figures.searches_of_run[t], config.targets[t]);
       continue;
     }
     if (target.first_tracking_set) {

@@ -143,7 +143,7 @@ std::string to_text(const ReplaySummary& s, const ReplayCommand& command) {
 
 bool has_trouble(const ReplaySummary& s) {
   const auto is_hardly_tracked = [](const TargetSummary& target) {
-    return !target.first_tracking_set || target.is_lost_in_view;
+    return !target.first_tracking_set || target.is_seen_in_vain;
   };
   return !s.mistakes.empty() || s.has_camera_trouble || s.has_lost_color ||
          std::ranges::any_of(s.targets, is_hardly_tracked);

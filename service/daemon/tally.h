@@ -34,10 +34,8 @@ struct TargetSummary {
   std::optional<double> shown_radius_m = {};                 // in force instead of the assumed one
   std::string unset_radius = {};                             // nobody gave one; its outlines have shown it
   std::uint64_t delivered_sets = 0, lost_sets = 0;           // with cameras enough; of them without a position
-  // Without a position in a large share of them, though two views show its colour in most of these: no matter of where
-  // the object is.
-  bool is_lost_in_view = false;
-  std::string advice = {};  // if it was never tracked, late, or perhaps something else
+  bool is_seen_in_vain = false;  // reports::is_seen_in_vain(), where it has no position in a large share of them
+  std::string advice = {};       // if it was never tracked, late, or perhaps something else
 
   double lost_share() const { return delivered_sets > 0 ? double(lost_sets) / double(delivered_sets) : 0; }
 };

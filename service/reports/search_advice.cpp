@@ -51,7 +51,7 @@ std::string what_to_try(const objects::SearchFindings& findings, const object_tr
                ? "a blob's distance takes two cameras: with one, only balls are found (shape: ball or auto)"
                : "no round region of its colour has a size that gives a distance inside the volume: check the radius, "
                  "the volume and the colour";
-  if (!findings.is_in_two_views())
+  if (2 * findings.sets_in_two < findings.sets)
     return fmt::format(
         "two cameras see its colour at once in only {:.0f} % of these sets, and a position takes two: widen its "
         "colour, "
@@ -73,7 +73,7 @@ std::string advice(const objects::SearchFindings& findings, const object_trackin
   // Seen in its colour and size: neither is in question.
   if (std::string of_volume = outside_advice(findings, target); !of_volume.empty() && !do_views_contradict)
     return of_volume;
-  const std::string opencv = other_unit_text(target);
+  const std::string opencv = is_found_at_times ? "" : other_unit_text(target);  // its hue is right
   return what_to_try(findings, target, cameras, do_views_contradict, is_found_at_times) + "; " +
          color::hue_text(target.color) + (opencv.empty() ? "" : "; ") + opencv;
 }
@@ -83,6 +83,10 @@ std::string advice(const objects::SearchFindings& findings, const object_trackin
 std::string search_advice(const objects::SearchFindings& findings, const object_tracking::TargetOptions& target,
                           const std::vector<std::string>& cameras, bool do_views_contradict) {
   return advice(findings, target, cameras, do_views_contradict, false);
+}
+
+bool is_seen_in_vain(const objects::SearchFindings& of_run, const object_tracking::TargetOptions& target) {
+  return !outside_advice(of_run, target).empty() || !size_advice(of_run.radius_m, target).empty();
 }
 
 std::string lost_advice(double lost_share, const objects::SearchFindings& of_run,

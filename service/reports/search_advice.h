@@ -15,9 +15,12 @@ std::string other_unit_text(const object_tracking::TargetOptions& target);
 // MistakeReport's.
 std::string search_advice(const objects::SearchFindings& findings, const object_tracking::TargetOptions& target,
                           const std::vector<std::string>& cameras, bool do_views_contradict);
-// A target that has no position in a larger share of the sets in which enough cameras delivered is not tracked well:
-// what hides it for so long is in the picture for good, or the target is.
+// Of a target without a position in a larger share of the sets in which enough cameras delivered, users want to know
+// why.
 inline constexpr double most_lost_share = 0.3;
+// Where it has none, two views agree on a ball of its colour: outside of the volume, or of another size. If not, it may
+// be hidden, and nothing is wrong.
+bool is_seen_in_vain(const objects::SearchFindings& of_run, const object_tracking::TargetOptions& target);
 // Of a target that has none in this share of them. of_run: of all of them.
 std::string lost_advice(double lost_share, const objects::SearchFindings& of_run,
                         const object_tracking::TargetOptions& target, const std::vector<std::string>& cameras,

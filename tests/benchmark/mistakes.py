@@ -301,8 +301,11 @@ def run(huetrackd, case, scratch):
     advice = [line[10:] for line in done.stdout.splitlines() if line.startswith("  search  ")]
     trouble = re.search(r"^  cameras reported .*(turned|sags|zoom|focus|seen)", done.stdout, re.M)
     may_be_lost = re.search(r"^  light .*the colour has (moved|become)", done.stdout, re.M)
-    if not may_be_lost and (done.returncode == 3) != bool(named or trouble):
+    is_named = named or trouble
+    if done.returncode == 0 and is_named or done.returncode == 3 and not (is_named or may_be_lost or advice):
         sys.exit(f"exit status {done.returncode}, named: {named}")
+    if done.returncode == 3 and not is_named:  # by the advice alone
+        return advice, advice
     return named, advice
 
 

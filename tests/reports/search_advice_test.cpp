@@ -105,6 +105,24 @@ TEST(LostAdvice, DoesNotDoubtTheRigOfWhatIsFoundAtTimes) {
       AllOf(HasSubstr("it is hidden, and other things have its colour"), testing::Not(HasSubstr("calibration"))));
 }
 
+// One that is hidden for half of a good recording is no fault of the set-up.
+TEST(LostAdvice, OnlyABallThatTwoViewsSeeIsSeenInVain) {
+  objects::SearchFindings findings = findings_of({100, 100});
+  findings.sets_in_two = findings.sets;
+  EXPECT_FALSE(is_seen_in_vain(findings, target_of(0.04)));
+  findings.radius_m = 0.041;
+  EXPECT_FALSE(is_seen_in_vain(findings, target_of(0.04)));
+  findings.radius_m = 0.08;
+  EXPECT_TRUE(is_seen_in_vain(findings, target_of(0.04)));
+  findings.radius_m.reset();
+  findings.outside = {.places = Eigen::AlignedBox3d(Eigen::Vector3d::Zero(), Eigen::Vector3d::Ones()),
+                      .radius_m = 0.04};
+  findings.sets_outside = findings.sets;
+  EXPECT_TRUE(is_seen_in_vain(findings, target_of(0.04)));
+  findings.sets_outside = findings.sets / 3;
+  EXPECT_FALSE(is_seen_in_vain(findings, target_of(0.04)));
+}
+
 TEST(RadiusAdvice, SaysWhatAnUnsetRadiusIs) {
   EXPECT_THAT(unset_radius_text({}, false, target_of(0.04)),
               HasSubstr("no radius of ball is set, and its outlines show none: 0.04 m is assumed"));

@@ -30,8 +30,7 @@ struct SearchFindings {
   std::optional<Outside> outside;
   std::optional<double> radius_before_m;  // the same of the search before the target was first found
 
-  bool is_in_two_views() const { return 2 * sets_in_two >= sets; }  // its colour, in most of the sets
-  bool shows_color(std::size_t camera) const;                       // in a share of the sets that matters
+  bool shows_color(std::size_t camera) const;  // in a share of the sets that matters
 };
 
 // Two radii that one ball may have, as measured or configured: regions' areas are wrong by up to a half.
