@@ -1,7 +1,7 @@
 #!/bin/bash
 # Builds huetrackd, huetrack and huetrack-calibrate and installs them, with their man pages, shell completion and systemd units: as a
 # Debian package, or, with a folder as argument, below that folder.
-# It compiles some 120 files, only what it installs.
+# It compiles only what it installs.
 #   bash configs/install.sh              # the package; remove it with `sudo apt-get remove huetrack`
 #   bash configs/install.sh ~/huetrack   # ~/huetrack/bin/huetrackd ...; nothing outside that folder except missing Debian packages
 #   bash configs/install.sh --build      # only builds the package, and prints its path
@@ -14,6 +14,7 @@ build=build/install
 # shellcheck disable=SC2086,SC2154
 install_missing $packages_build dpkg-dev
 mkdir -p build
+echo "== compiling: some 12 minutes of CPU time, so 6 minutes on two idle cores"
 build_huetrack "$build" "-DCMAKE_BUILD_TYPE=Release -DHUETRACK_TESTS=OFF -DHUETRACK_WERROR=OFF" huetrackd huetrack huetrack-calibrate package_documents
 if [ -n "${to:-}" ]; then
   cmake --install "$build" --prefix "$to" --strip >/dev/null

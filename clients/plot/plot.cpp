@@ -180,7 +180,8 @@ void plot(const PlotOptions& options) {
                  "clock (--clock-offset)?\n",
                  target.name);
     if (const auto explanation = explanation_of(target))
-      fmt::print("{}: {}\n", target.name, truth::to_text(*explanation, options.clock_offset_s));
+      fmt::print("{}: {}\n", target.name,
+                 truth::to_text(*explanation, {options.align, options.align_time, options.clock_offset_s}));
   }
 }
 

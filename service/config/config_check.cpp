@@ -181,7 +181,9 @@ void check_targets(const ServiceConfig& config, const yaml::YamlReader& root) {
     if (const auto problems = topics.problems(); !problems.empty()) targets.fail(target.name, problems.front());
     const yaml::YamlReader yaml = targets.map(target.name);
     if (2 * target.radius_m > smallest_side_m)
-      yaml.fail("radius_m", "a ball of this radius does not fit into object_tracking.volume; the unit is metres");
+      yaml.fail("radius_m", fmt::format("a ball of this radius does not fit into object_tracking.volume; the unit is "
+                                        "metres: did you mean {:g}?",
+                                        target.radius_m / 1000));
     for (const auto& [camera, range] : target.camera_colors) {
       const yaml::YamlReader colors = yaml.map("camera_colors");
       if (!config.rig.index_of(camera)) colors.fail(camera, not_in_the_rig(camera, config.rig));

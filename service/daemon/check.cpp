@@ -244,7 +244,8 @@ void compare(const CompareCommand& command) {
         spdlog::warn("{}: {}", command.truth.string(), sentence);
     std::printf("%s: %zu samples; %s\n", target.c_str(), track.size(), tracks::to_text(comparison.figures()).c_str());
     if (const auto explanation = comparison.explanation())
-      std::printf("%s: %s\n", target.c_str(), truth::to_text(*explanation, command.clock_offset_s).c_str());
+      std::printf("%s: %s\n", target.c_str(),
+                  truth::to_text(*explanation, {command.align, command.align_time, command.clock_offset_s}).c_str());
   }
 }
 

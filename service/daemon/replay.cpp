@@ -422,9 +422,11 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
                             {.threads = command.threads,
                              .pictures_every = command.pictures.empty() ? 0 : command.pictures_every,
                              .repeats = changes_to_repeat(config, playback.recording)});
-  if (command.hold)
+  if (command.hold) {
     playback.played->hold_beyond(
         first_whole_set(playback.source(), capture::duration_of(*session.config().set_tolerance_s)));
+    spdlog::info("held at the first set: open the page with `huetrack view`, and press Go on there");
+  }
 
   // The outputs, in order.
   std::optional<pipeline::Bus> bus;

@@ -91,7 +91,7 @@ std::string target_text(const TargetSummary& target) {
   if (!target.unset_radius.empty()) text += "          " + target.unset_radius + "\n";
   if (target.truth) text += "          " + tracks::to_text(*target.truth) + "\n";
   if (target.objects_truth) text += "          " + tracks::to_text(*target.objects_truth) + "\n";
-  if (target.explanation) text += "          " + truth::to_text(*target.explanation, 0) + "\n";
+  if (target.explanation) text += "          " + truth::to_text(*target.explanation, {}) + "\n";
   return text;
 }
 

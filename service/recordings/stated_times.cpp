@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cmath>
+#include <numeric>
 
 #include "calib/files/csv_table.h"
 #include "calib/files/median.h"
@@ -78,12 +80,20 @@ double seconds_a_frame(const RecordedCamera& camera) {
 }
 
 // A clock's readings at pictures, not multiples of a period.
-bool do_vary(const std::vector<double>& steps_s) {
+bool do_vary(const std::vector<double>& steps_s, double rounding_s = film_times.rounding_s) {
   if (steps_s.empty()) return false;
   const double usual_s = median(steps_s);
-  const auto others =
-      std::ranges::count_if(steps_s, [&](double s) { return std::abs(s - usual_s) > film_times.rounding_s; });
+  const auto others = std::ranges::count_if(steps_s, [&](double s) { return std::abs(s - usual_s) > rounding_s; });
   return static_cast<double>(others) > film_times.varying * static_cast<double>(steps_s.size());
+}
+
+// Listed times that vary by more than they are rounded to.
+bool were_measured(const RecordedCamera& camera) {
+  std::int64_t unit_ns = 0;  // all are multiples of it
+  for (const auto& row : camera.timestamps)
+    unit_ns = std::gcd(unit_ns, std::chrono::nanoseconds(row.second - camera.timestamps.front().second).count());
+  return do_vary(listed_steps_s(camera),
+                 std::clamp(1.001e-9 * double(unit_ns), film_times.jitter_s, film_times.rounding_s));
 }
 
 // Multiples of a period, with no gap.
@@ -183,9 +193,8 @@ std::optional<std::string> problem_of_timecode(const RecordedCamera& camera) {
 
 std::optional<RateRemark> remark_on_measured_rate(const RecordedCamera& camera, capture::Duration film_period,
                                                   std::optional<std::int64_t> film_frames) {
-  const std::vector<double> steps_s = listed_steps_s(camera);
   const double film_s = capture::seconds(film_period);
-  if (!(film_s > 0) || !do_vary(steps_s)) return std::nullopt;
+  if (!(film_s > 0) || !were_measured(camera)) return std::nullopt;
   const auto& [first, first_at] = camera.timestamps.front();
   const auto& [last, last_at] = camera.timestamps.back();
   const double listed_s = capture::seconds(last_at - first_at) / static_cast<double>(last - first);
@@ -228,7 +237,7 @@ double EvenTimes::hz() const {
 
 std::optional<std::string> remark_on_rounding(const RecordedCamera& camera) {
   using namespace std::chrono_literals;
-  if (!do_vary(listed_steps_s(camera))) return std::nullopt;
+  if (!were_measured(camera)) return std::nullopt;
   for (const capture::Duration unit : {capture::Duration(1s), capture::Duration(100ms), capture::Duration(10ms)}) {
     const auto is_multiple = [&](const auto& row) {
       return (row.second - camera.timestamps.front().second) % unit == capture::Duration::zero();
@@ -292,7 +301,7 @@ std::optional<NumbersProblem> problem_of_numbers(const RecordedCamera& camera, s
 TimesBesideFilm::TimesBesideFilm(const RecordedCamera& camera, capture::Duration film_period)
     : name_(camera.fps > 0 ? "fps" : camera.times_file.filename().string()),
       key_(camera.fps > 0 ? "fps" : "timestamps"),
-      is_measured_(do_vary(listed_steps_s(camera))),
+      is_measured_(were_measured(camera)),
       is_counted_(are_counted(listed_steps_s(camera))),
       stated_period_s_(camera.fps > 0 ? 1 / camera.fps : seconds_a_frame(camera)),
       film_period_s_(capture::seconds(film_period)) {}

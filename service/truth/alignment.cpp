@@ -92,12 +92,24 @@ std::string text_of(const Mirrored& mirrored, double as_it_is_m) {
       how, 1e3 * as_it_is_m, 1e3 * mirrored.rms_m);
 }
 
-std::string options_text(const Alignment& alignment) {
+std::string options_text(const Alignment& left, const Applied& applied) {
+  const Freedom freedom = std::max(left.freedom, applied.freedom);
+  if (freedom == Freedom::none && !applied.aligns_time)
+    return fmt::format("--clock-offset {:.4f}", applied.clock_offset_s + left.offset_s);
   std::string text;
-  if (alignment.freedom == Freedom::rigid) text = "--align rigid";
-  if (alignment.freedom == Freedom::similarity) text = "--align similarity";
-  if (alignment.aligns_time) text += text.empty() ? "--align-time" : " --align-time";
+  if (freedom == Freedom::rigid) text = "--align rigid";
+  if (freedom == Freedom::similarity) text = "--align similarity";
+  if (left.aligns_time || applied.aligns_time) text += text.empty() ? "--align-time" : " --align-time";
   return text;
+}
+
+// truth = scale * track.
+std::string unit_text(double scale) {
+  constexpr double within = 0.2;  // of 1000: a wrong radius or camera distance scales, too
+  if (std::abs(scale / 1000 - 1) < within) return "; the truth looks like millimetres: divide x, y and z by 1000";
+  if (std::abs(scale * 1000 - 1) < within)
+    return "; the track looks like millimetres: give the rig's lengths in metres";
+  return "";
 }
 
 }  // namespace
@@ -172,18 +184,19 @@ std::optional<Explanation> explanation(const Truth& truth, std::span<const Targe
                      .mirrored = std::move(mirrored)};
 }
 
-std::string to_text(const Explanation& e, double given_s) {
+std::string to_text(const Explanation& e, const Applied& applied) {
+  const double given_s = applied.clock_offset_s;
   if (e.mirrored) return text_of(*e.mirrored, e.rms_m);
   const Alignment& by = e.by;
   const bool is_clock = by.freedom == Freedom::none;
   std::string text =
       fmt::format("{} explain{} most of the error: the rms error while tracking is {:.1f} mm, and {:.1f} mm with {}",
                   by.text(given_s), by.aligns_time && !is_clock ? "" : "s", 1e3 * e.rms_m, 1e3 * by.rms_m,
-                  is_clock ? fmt::format("--clock-offset {:.4f}", given_s + by.offset_s) : options_text(by));
+                  options_text(by, applied));
   const auto mm = [](const Alignment& alignment) { return fmt::format("{:.1f} mm", 1e3 * alignment.rms_m); };
   if (e.full.rms_m < by.rms_m && mm(e.full) != mm(by))  // no difference in figures that are not shown
-    text += fmt::format("; {} leave {} ({})", e.full.text(given_s), mm(e.full), options_text(e.full));
-  return text + "; options of huetrackd compare and huetrack plot";
+    text += fmt::format("; {} leave {} ({})", e.full.text(given_s), mm(e.full), options_text(e.full, applied));
+  return text + "; options of huetrackd compare and huetrack plot" + unit_text(by.scale);
 }
 
 void EstimatedSample::add(const Estimated& estimate) {

@@ -61,8 +61,14 @@ struct Explanation {
   std::optional<Mirrored> mirrored = {};  // if it explains more than half of what all of these leave
 };
 std::optional<Explanation> explanation(const Truth& truth, std::span<const TargetTrack> tracks);
-// One sentence for people with the command. given_s: the clock offset that is already subtracted.
-std::string to_text(const Explanation& explanation, double given_s);
+// What was applied to the track before it was explained: the options that the user gave.
+struct Applied {
+  Freedom freedom = Freedom::none;
+  bool aligns_time = false;
+  double clock_offset_s = 0;  // subtracted
+};
+// One sentence for people, with the options that do all that: those given and what is left.
+std::string to_text(const Explanation& explanation, const Applied& applied);
 
 // A subsample of at most 4000 estimates, spread over the whole track. thread-compatible.
 class EstimatedSample {

@@ -410,7 +410,8 @@ void ViewWatch::look(const object_tracking::ObjectEstimate& estimate, const obje
   if (target_.count == 1) jumps_.look(tracker.regions(), now_s, target_.radius_m);
   if (now_s < next_s_) return;
   next_s_ = now_s + view_samples.period_s;
-  const std::vector<Mistake> of_color = of_shared_color(tracker.color_shares());
+  const std::vector<object_tracking::ColorShare> shares = tracker.color_shares();
+  const std::vector<Mistake> of_color = of_shared_color(shares);
   std::vector<Mistake> now;
   if (const auto jumps = jumps_.jumps())
     now.push_back({.kind = MistakeKind::wrong_order, .size = jumps->largest_m, .jumps = jumps->count});
@@ -418,8 +419,10 @@ void ViewWatch::look(const object_tracking::ObjectEstimate& estimate, const obje
     now.push_back(std::move(*mistake));
   } else if (!is_wrong_) {
     if (auto late = of_learnt_times()) now.push_back(std::move(*late));
-    // In a room that shares the colour an outline may be of what touches the target.
-    auto wrong_radius = of_color.empty() ? of_radius(tracker.outline_findings()) : std::nullopt;
+    // In a room that shares the colour an outline may be of what touches the target. Several objects that rest are
+    // masked in any room.
+    const bool is_shared = target_.count == 1 && std::ranges::any_of(shares, [](const auto& s) { return s.still > 0; });
+    auto wrong_radius = of_color.empty() && !is_shared ? of_radius(tracker.outline_findings()) : std::nullopt;
     if (wrong_radius) now.push_back(std::move(*wrong_radius));
   }
   const auto is_explained = [](const Suspected& s) {

@@ -205,6 +205,24 @@ TEST(TimesBesideFilm, AMeasuredTableWithoutTheFilmsGapsIsNamed) {
     }
 }
 
+// A webcam that drops a frame at once: its clock varies by less than a millisecond, but was read.
+TEST(TimesBesideFilm, AClockThatHardlyVariesWasMeasured) {
+  for (const double unit_s : {1e-6, 1e-4}) {
+    std::mt19937_64 random(1);
+    std::uniform_real_distribution<double> jitter(-0.0004, 0.0004);
+    RecordedCamera camera;
+    camera.times_file = "t.csv";
+    for (int k = 0; k < 60; ++k)
+      camera.timestamps.emplace_back(
+          k, at_s(1 + unit_s * std::round(((k < 3 ? k : k + 1) / 30. + jitter(random)) / unit_s)));
+    TimesBesideFilm times(camera, at_30_hz);
+    for (int k = 0; k < 60; ++k)
+      times.see(k, camera.timestamps[std::size_t(k)].second, at_s(std::round(1e3 * k / 30.) / 1e3));
+    times.end();
+    EXPECT_THAT(times.take_problems(), IsEmpty()) << unit_s;
+  }
+}
+
 // Row k of the table has the film's time of frame k + shift; the film drops frames, or its times were measured.
 TEST(TimesBesideFilm, ATableThatIsARowOffIsNamed) {
   for (const bool drops_frames : {false, true})

@@ -67,7 +67,8 @@ TEST_F(ClockOffsets, IsFoundIfItExplainsTheError) {
     EXPECT_NEAR(found->by.offset_s, late_s, 1e-3);
     EXPECT_LT(found->by.rms_m, 0.011);
     EXPECT_GT(found->rms_m, 2 * found->by.rms_m);
-    EXPECT_THAT(to_text(*found, 1), testing::HasSubstr(fmt::format("--clock-offset {:.4f}", 1 + found->by.offset_s)));
+    EXPECT_THAT(to_text(*found, {.clock_offset_s = 1}),
+                testing::HasSubstr(fmt::format("--clock-offset {:.4f}", 1 + found->by.offset_s)));
   }
 }
 
@@ -93,7 +94,7 @@ TEST_F(ClockOffsets, AnotherWorldFrameIsNamedWithItsTransform) {
   EXPECT_EQ(found->by.freedom, Freedom::rigid);
   EXPECT_FALSE(found->by.aligns_time);
   EXPECT_NEAR(found->by.rms_m, 0.0085, 0.001);
-  EXPECT_THAT(to_text(*found, 0),
+  EXPECT_THAT(to_text(*found, {}),
               testing::AllOf(testing::HasSubstr("turns by 17."), testing::HasSubstr("--align rigid")));
 }
 
@@ -103,7 +104,9 @@ TEST_F(ClockOffsets, AFrameAndAClockAreNamedTogether) {
   EXPECT_EQ(found->by.freedom, Freedom::rigid);
   EXPECT_EQ(found->full.freedom, Freedom::rigid);
   EXPECT_NEAR(found->full.offset_s, 0.1, 2e-3);
-  EXPECT_THAT(to_text(*found, 0), testing::HasSubstr("--align rigid --align-time"));
+  EXPECT_THAT(to_text(*found, {}), testing::HasSubstr("--align rigid --align-time"));
+  EXPECT_THAT(to_text(*found, {.freedom = Freedom::similarity}), testing::HasSubstr("--align similarity --align-time"))
+      << "what was given stays";
 }
 
 TEST_F(ClockOffsets, AScaleIsNamed) {
@@ -111,7 +114,10 @@ TEST_F(ClockOffsets, AScaleIsNamed) {
   ASSERT_TRUE(found);
   EXPECT_EQ(found->full.freedom, Freedom::similarity);
   EXPECT_NEAR(found->full.scale, 1 / 1.25, 0.005);
-  EXPECT_THAT(to_text(*found, 0), testing::HasSubstr("a scale of 0."));
+  EXPECT_THAT(to_text(*found, {}), testing::HasSubstr("a scale of 0."));
+  const auto in_millimetres = explained(swinging(1), moved(track(1, 0), 0, {1, 0, 0}, 1e-3));
+  ASSERT_TRUE(in_millimetres);
+  EXPECT_THAT(to_text(*in_millimetres, {}), testing::HasSubstr("the truth looks like millimetres"));
 }
 
 // A path that leaves every plane: in a plane a mirrored path is a turned one.
@@ -129,12 +135,12 @@ TEST_F(ClockOffsets, MirroredAxesAreNamed) {
   const auto negated = explained(truth(y_negated), estimates);
   ASSERT_TRUE(negated && negated->mirrored);
   EXPECT_EQ(negated->mirrored->axis, 1);
-  EXPECT_THAT(to_text(*negated, 0), testing::AllOf(testing::HasSubstr("negate y in the truth"),
-                                                   testing::HasSubstr("one world is left-handed")));
+  EXPECT_THAT(to_text(*negated, {}), testing::AllOf(testing::HasSubstr("negate y in the truth"),
+                                                    testing::HasSubstr("one world is left-handed")));
   const auto of_exchanged = explained(truth(exchanged), estimates);
   ASSERT_TRUE(of_exchanged && of_exchanged->mirrored);
   EXPECT_FALSE(of_exchanged->mirrored->axis);
-  EXPECT_THAT(to_text(*of_exchanged, 0), testing::HasSubstr("or exchange two"));
+  EXPECT_THAT(to_text(*of_exchanged, {}), testing::HasSubstr("or exchange two"));
   const auto turned = explained(swinging(1), moved(track(1, 0), 0.3, {1, 2, 3}));
   ASSERT_TRUE(turned);
   EXPECT_FALSE(turned->mirrored);
@@ -146,7 +152,7 @@ TEST_F(ClockOffsets, WhatIsLeftAfterAlignmentIsSaid) {
   ASSERT_TRUE(found);
   EXPECT_EQ(found->by.freedom, Freedom::none);
   EXPECT_LT(found->full.rms_m, found->by.rms_m);
-  EXPECT_THAT(to_text(*found, 0), testing::ContainsRegex("leave [89]\\.[0-9] mm \\(--align rigid --align-time\\)"));
+  EXPECT_THAT(to_text(*found, {}), testing::ContainsRegex("leave [89]\\.[0-9] mm \\(--align rigid --align-time\\)"));
 }
 
 TEST_F(ClockOffsets, AnAlignedTrackHasTheErrorThatIsSaid) {
