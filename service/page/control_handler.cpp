@@ -29,6 +29,11 @@ void add_row(msg::ControlReply& reply, std::vector<std::string> columns) {
   reply.rows().emplace_back().columns(std::move(columns));
 }
 
+// The devices that `huetrackd demo` writes: a recording is played in their place.
+bool is_played(const config::LiveCameraConfig& camera) {
+  return camera.device.string().starts_with("/dev/v4l/by-id/huetrackd-demo-");
+}
+
 bool are(std::span<const std::string> words, std::initializer_list<std::string_view> wanted) {
   return std::ranges::equal(words, wanted);
 }
@@ -246,7 +251,9 @@ void ControlHandler::camera(Words words, const config::ServiceConfig& config, ms
   require_teaching(config);
   if (are(words, {"list"})) {
     for (const auto& one : config.cameras)
-      add_row(reply, {one.name, actions_.cameras.contains(one.name) ? "reached" : "not reached"});
+      add_row(reply, {one.name, actions_.cameras.contains(one.name) ? "reached"
+                                : is_played(one)                    ? "played"
+                                                                    : "not reached"});
     reply.reason(fmt::format("The controls of {} of {} cameras are reachable from here.", actions_.cameras.size(),
                              config.cameras.size()));
     return;

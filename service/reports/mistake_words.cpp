@@ -50,10 +50,10 @@ std::string mistake_text(const view_watch::Mistake& mistake, const object_tracki
     }
     case MistakeKind::uneven_times:
       return fmt::format(
-          "the time stamps of {} are wrong by up to {:.2f} s, by varying amounts, as the motion of {} shows: frames "
-          "were dropped and not counted, videos did not start together, or a network delays them: give every frame its "
-          "own time (recording.yaml: timestamps), or use cameras whose driver stamps the frames",
-          which, mistake.size, target.name);
+          "the time stamps of {} are wrong{}, by varying amounts, as the motion of {} shows: frames were dropped "
+          "and not counted, videos did not start together, or a network delays them: give every frame its own time "
+          "(recording.yaml: timestamps), or use cameras whose driver stamps the frames",
+          which, mistake.is_size_known() ? fmt::format(" by up to {:.2f} s", mistake.size) : "", target.name);
     case MistakeKind::turned:
       return fmt::format(
           "{} wherever {} is: {} looks turned by {:.1f} degrees since it was calibrated{}: fasten it and calibrate "

@@ -23,12 +23,6 @@ struct PairNoiseTuning {
 };
 constexpr PairNoiseTuning pair_noise{};
 
-struct LatenessSearchTuning {
-  double max_s = 0.6;             // seconds, either way
-  std::size_t most_compared = 4;  // earlier cameras that one is compared with: all pairs of many would take too long
-};
-constexpr LatenessSearchTuning lateness_search{};
-
 constexpr double parallel = 1e-3;  // maths: squared sine of the smallest angle of two rays
 
 }  // namespace

@@ -20,6 +20,12 @@ struct PairSamplingTuning {
 };
 inline constexpr PairSamplingTuning pair_sampling{};
 
+struct LatenessSearchTuning {
+  double max_s = 0.6;             // seconds, either way: two cameras' latencies differ by twice that at most
+  std::size_t most_compared = 4;  // earlier cameras that one is compared with: all pairs of many would take too long
+};
+inline constexpr LatenessSearchTuning lateness_search{};
+
 // One camera's sample.
 struct SeenPoint {
   double t_s = 0;           // of its row, with the estimated timing; one clock for all cameras

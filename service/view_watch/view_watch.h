@@ -23,7 +23,7 @@ namespace huetrack::view_watch {
 enum class MistakeKind : std::uint8_t {
   swapped,        // frames are permuted among these cameras; size: none
   late,           // one camera; size: seconds, < 0: the others are late
-  uneven_times,   // cameras whose time-stamp error varies; size: the largest error, seconds
+  uneven_times,   // cameras whose time-stamp error varies; size: the largest error, seconds, if is_size_known()
   turned,         // one camera, or two if it cannot be decided which; size: radians
   zoomed,         // one camera; size: ratio of its focal length to the rig's
   mirrored,       // one camera; size: none
@@ -59,6 +59,9 @@ struct Mistake {
   int jumps = 0;                       // wrong_order: in the last seconds
   double shown_hz = 0, source_hz = 0;  // converted: by its stamps; before. delayed: even ones. late: the camera's
 
+  // uneven_times: no comparison of views finds a larger error; the tracker's estimate, which assumes a constant
+  // velocity over it, has diverged.
+  bool is_size_known() const { return kind != MistakeKind::uneven_times || size <= 2 * lateness_search.max_s; }
   // uneven_times: cameras may differ.
   bool is_same_as(const Mistake& other) const {
     return kind == other.kind && (cameras == other.cameras || kind == MistakeKind::uneven_times);

@@ -21,6 +21,7 @@ async function test() {
     const place = () => page.textContent("#targets .position");
     await until("the ball has a position", async () => (await page.locator("#targets .position").count()) && /x -?\d/.test(await place()));
     await until("the service has said what it is", async () => (await page.getAttribute("#link", "data-link")) === "good");
+    await until("that a recording is played", async () => /a recording, played as if live/.test(await page.textContent("#service")));
     const before = await place();
     await until("it moves", async () => (await place()) !== before);
     const sees = async (what, ...needed) => assert.deepEqual(await belowTheFold(page, ["#tools button", ...needed]), [], `${name}: ${what}`);

@@ -397,6 +397,8 @@ class Cameras : public Control {
 TEST_F(Cameras, ControlsAreReadSetAndSaved) {
   EXPECT_THAT(ask({"camera", "list"}).rows().at(0).columns(), ElementsAre("cam0", "reached"));
   EXPECT_THAT(ask({"camera", "list"}).rows().at(1).columns(), ElementsAre("cam1", "not reached"));
+  config.cameras[1].device = "/dev/v4l/by-id/huetrackd-demo-cam1";
+  EXPECT_THAT(ask({"camera", "list"}).rows().at(1).columns(), ElementsAre("cam1", "played"));
   const msg::ControlReply read = ask({"camera", "controls", "cam0"});
   ASSERT_EQ(read.rows().size(), 2u) << read.reason();  // no button
   EXPECT_THAT(read.rows()[0].columns(), ElementsAre("gain", "7", "0", "255", "1", "7", "number", "", ""));

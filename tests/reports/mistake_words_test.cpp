@@ -55,6 +55,10 @@ TEST(MistakeWords, NameCameraSizeAndRemedy) {
   EXPECT_THAT(text({MistakeKind::uneven_times, {0, 2}, 0.067, 9}),
               AllOf(HasSubstr("the time stamps of left and top are wrong"), HasSubstr("by up to 0.07 s"),
                     HasSubstr("timestamps")));
+  // An estimate that diverged is no error that was measured.
+  EXPECT_THAT(text({MistakeKind::uneven_times, {1}, 12.605, 9}),
+              AllOf(HasSubstr("the time stamps of right are wrong, by varying amounts"),
+                    testing::Not(HasSubstr("12.6")), testing::Not(HasSubstr("up to"))));
   EXPECT_THAT(
       text({.kind = MistakeKind::converted, .cameras = {1}, .size = 0.0096, .shown_hz = 25, .source_hz = 30.1}),
       AllOf(HasSubstr("right's film looks converted from about 30 to 25 pictures a second, as the path of orange"),

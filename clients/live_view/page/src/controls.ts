@@ -34,10 +34,14 @@ const say = (text: string, isBad = false) => sayIn($("controls-says"), text, isB
 // ---- Cameras with controls that are reachable from here: none of a network or of another host.
 let reachable: Set<string> | null = null; // null: not known yet
 let askedOf = ""; // which service
+let played = false; // the demo's: a recording in the place of live cameras
+// Pictures are a recording's: nothing of them can be set.
+export const isRecorded = () => store.status?.mode !== "run" || played;
 export const hasControls = (name: string) => reachable === null || reachable.has(name);
 async function learnReachable(): Promise<void> {
   const reply = await ask("camera", "list");
   reachable = reply.granted ? new Set(reply.rows.filter(([, how]) => how === "reached").map(([name]) => name)) : null;
+  played = reply.granted && reply.rows.some(([, how]) => how === "played");
 }
 
 async function read(isQuiet = false): Promise<void> {
@@ -148,10 +152,10 @@ function fill(): void {
 }
 
 function whyNot(serving: boolean): string {
-  const { scene, status } = store;
+  const { scene } = store;
   if (!serving || !scene) return withoutService();
   if (!mayChange()) return scene.why_not;
-  if (status?.mode !== "run") return "A recording's cameras have no controls.";
+  if (isRecorded()) return "The pictures are a recording's: its cameras have no controls here.";
   return reachable && !reachable.size ? "These cameras are on the network or on other hosts: they are set in their own programs." : "";
 }
 
@@ -162,6 +166,7 @@ export function updateControls(serving: boolean): void {
   if (service !== askedOf) {
     askedOf = service;
     reachable = null;
+    played = false;
     if (service) void learnReachable();
   }
   const was = panelIsRefused();

@@ -5,7 +5,7 @@ const reasons = new WeakMap<HTMLButtonElement, string>();
 export function enable(button: HTMLButtonElement, why: string): void {
   reasons.set(button, why);
   if (button.disabled !== (why !== "")) button.disabled = why !== "";
-  const hint = button.closest(".tool-foot, .box-details")?.querySelector<HTMLElement>(":scope > .hint");
+  const hint = button.closest(".tool-foot, .box-details, .hinted")?.querySelector<HTMLElement>(":scope > .hint");
   if (!hint) return;
   // Buttons with one reason share a line.
   const groups = new Map<string, string[]>();

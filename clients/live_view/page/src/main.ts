@@ -19,7 +19,7 @@ import {
 } from "./store";
 import { drawAdjust, updateAdjust } from "./adjust";
 import { updateCalibration } from "./calibrate";
-import { drawControls, updateControls } from "./controls";
+import { drawControls, isRecorded, updateControls } from "./controls";
 import { takeControlReply } from "./control";
 import { updateCopyConfig } from "./copy_config";
 import { updateNotices } from "./notices";
@@ -397,7 +397,7 @@ function tick(): void {
   const isStuck = serving && !justBegun && status!.mode === "run" && status!.set_rate_hz < 0.05;
   const connecting = isConnecting();
   link.dataset.link = connecting ? "warn" : !store.connected ? "bad" : serving && !isStuck ? "good" : "warn";
-  write(link, connecting ? "Connecting" : !store.connected ? "No bridge" : serving ? "Live" : "No service");
+  write(link, connecting ? "Connecting" : !store.connected ? "No bridge" : serving ? (status!.mode === "run" && isRecorded() ? "Playing" : "Live") : "No service");
   const service = connecting
     ? ""
     : !store.connected
@@ -405,7 +405,7 @@ function tick(): void {
     : serving
       ? status!.mode === "held"
         ? `replay on ${status!.host}, paused: Go on continues it`
-        : `${status!.mode === "run" ? "live cameras" : "replay"} on ${status!.host}, ${isStuck ? "no frame sets: do all cameras deliver?" : `${status!.set_rate_hz.toFixed(1)} sets/s`}`
+        : `${status!.mode !== "run" ? "replay" : isRecorded() ? "a recording, played as if live," : "live cameras"} on ${status!.host}, ${isStuck ? "no frame sets: do all cameras deliver?" : `${status!.set_rate_hz.toFixed(1)} sets/s`}`
       : `Waiting for huetrackd on ${pulse ? pulse.bus : "DDS"}. The page continues automatically.`;
   write($("service"), service);
   updateNotices();

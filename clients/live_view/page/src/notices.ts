@@ -38,11 +38,13 @@ const health = (): Action => ["Health…", () => show("health")];
 
 const light = "light"; // kinds of this family contradict "the exposure is well"
 const kinds: (Kind & { family?: string })[] = [
+  { is: /delivers no pictures/, level: "bad", act: health },
   { is: /^the cameras are not calibrated/, level: "bad", says: "The cameras are not calibrated, so nothing is tracked", act: calibrate("") },
   { is: /time stamps are arrival times/, level: "info", says: "no time stamps of their own and an unknown latency: positions of fast objects are less certain", act: calibrate("wave") },
   { is: /automatic exposure is on|exposure is automatic/, level: "warn", family: light, says: "the exposure is automatic, or the light changes: colours drift", act: setUp },
   { is: /automatic white balance is on/, level: "warn", family: light, says: "the white balance is automatic, or the light changes: colours drift", act: setUp },
   { is: /the light flickers at (\d+) Hz/, level: "warn", family: light, says: "the light flickers at {} Hz: match the mains frequency or the exposure", act: setUp },
+  { is: /^the time stamps of .+ are wrong/, level: "warn", act: calibrate("wave") },
   { is: /^target \S+ has no colour yet/, level: "warn", says: "no colour yet", act: teach },
   { is: /is not found: /, level: "warn", act: teach },
   { is: /the latency is not known yet/, level: "info", act: calibrate("wave") },
@@ -72,9 +74,13 @@ const elsewhere: [RegExp, string][] = [
   [/: set controls: .*$/, ""],
   [/\. Set \w+ under cameras\.\S+/, ""],
 ];
-const live: [RegExp, string][] = [[/ in a recording give fps \(about [\d.]+\) instead of timestamps; live,/, ""]];
+const live: [RegExp, string][] = [
+  [/ in a recording give fps \(about [\d.]+\) instead of timestamps; live,/, ""],
+  [/: frames were dropped and not counted, videos did not start together.*$/, ": pictures are delayed or dropped on their way: measure their latency by waving, or use cameras that stamp their pictures"],
+];
 const inReplay: [RegExp, string][] = [
   [/; live, use a camera whose driver stamps its frames/, ""],
+  [/ \(recording\.yaml: timestamps\), or use cameras whose driver stamps the frames/, ""],
   [/ until it is estimated from their motion: keep moving the object/, " until the object has moved for some seconds"],
 ];
 
@@ -93,6 +99,8 @@ function parted(warning: string): { names: string[]; rest: string } {
   if (name && (isCamera(name) || store.status?.targets.includes(name))) return { names: [name], rest };
   const [, whole, colored, words] = /^((\S+) in \S+): (.*)$/s.exec(warning) ?? []; // a target's colour in a camera
   if (store.status?.targets.includes(colored)) return { names: [whole], rest: words };
+  const [, several, are] = /^the time stamps of (.+) are (wrong.*)$/s.exec(warning) ?? [];
+  if (several) return { names: several.split(" and "), rest: `time stamps are ${are}` };
   const target = /^target (\S+) (.*)$/s.exec(warning);
   if (target) return { names: [target[1].replace(/:$/, "")], rest: target[2] };
   const camera = /^(?:camera )?(\S+?)('s)? (.*)$/s.exec(warning);
@@ -127,13 +135,22 @@ export function lightTrouble(): { cameras: string[]; text: string } | null {
   return { cameras: first.names, text: `${first.names.length ? `in ${first.names.join(", ")} ` : ""}${first.text}` };
 }
 
+// As `huetrack status` says it. A replay's cameras may have ended.
+function silentCameras(): string[] {
+  const { mode, cameras } = store.status!;
+  const begins = store.rates.length < 3; // statuses: a camera may take as long to open
+  return cameras
+    .filter((c) => mode === "run" && c.health !== "delivering" && !(begins && c.health === "waiting"))
+    .map((c) => `camera ${c.name}: delivers no pictures${c.message && !c.message.startsWith("no frame") ? `: ${c.message}` : ""}`);
+}
+
 const capital = (text: string) => text.charAt(0).toUpperCase() + text.slice(1);
 let isAll = false;
 let actions: (Action | null)[] = [];
 
 export function updateNotices(): void {
   const { status, pulse } = store;
-  const lines = isServing() ? linesOf(status!.warnings) : [];
+  const lines = isServing() ? linesOf([...silentCameras(), ...status!.warnings]) : [];
   if (pulse?.trouble) lines.unshift({ level: "bad", names: [], text: pulse.trouble, action: null });
   const list = $("warnings");
   const shown = isAll ? lines : lines.slice(0, mostLines());
@@ -156,8 +173,9 @@ function itemOf(line: Line, index: number): HTMLElement {
   item.dataset.level = line.level;
   const text = document.createElement("p");
   // "navy is not found", but "cam0, cam1: no time stamps".
-  const colon = line.names.length === 1 && /^(is|has|was|sees|sags) /.test(line.text) ? " " : ": ";
-  if (line.names.length) text.append(Object.assign(document.createElement("b"), { textContent: line.names.join(", ") + colon }), line.text);
+  const colon = line.names.length === 1 && /^(is|has|was|sees|sags|delivers) /.test(line.text) ? " " : ": ";
+  const words = line.names.length > 1 ? line.text.replace(/^delivers /, "") : line.text;
+  if (line.names.length) text.append(Object.assign(document.createElement("b"), { textContent: line.names.join(", ") + colon }), words);
   else text.textContent = capital(line.text);
   text.title = text.textContent!;
   item.append(text);

@@ -3,7 +3,7 @@
 import { openTargets } from "./adjust";
 import { calibrationRefused, openCalibration } from "./calibrate";
 import { decodeAwaited, lightOf, type Light } from "./cameras";
-import { hasControls, openControls } from "./controls";
+import { hasControls, isRecorded, openControls } from "./controls";
 import { drawLight } from "./light";
 import { lightTrouble } from "./notices";
 import { setting, remember } from "./settings";
@@ -41,7 +41,7 @@ function service(): Step {
 function cameras(): Step {
   const { status } = store;
   const bad = status!.cameras.filter((c) => c.health !== "delivering");
-  const isPlayed = status!.mode !== "run";
+  const isPlayed = isRecorded();
   if (isPlayed || !bad.length) return { title: "Cameras", isDone: true, says: isPlayed ? "From a recording." : `${join(status!.cameras.map((c) => c.name))} deliver.` };
   return {
     title: "Cameras",
@@ -54,7 +54,7 @@ function cameras(): Step {
 
 function exposure(lights: [string, Light | null][]): Step {
   const title = "Exposure";
-  if (store.status!.mode !== "run") return { title, isDone: true, says: "As it was recorded." };
+  if (isRecorded()) return { title, isDone: true, says: "As it was recorded." };
   const awaited = lights.filter(([, light]) => !light).map(([name]) => name);
   if (awaited.length) return { title, isDone: false, says: `Waiting for the picture of ${join(awaited)}.` };
   const dark = lights.filter(([, l]) => l!.dark > mostDark);
