@@ -89,7 +89,7 @@ function withTheBall(): [string, string, () => void] {
 function calibration(): Step {
   const title = "Calibration";
   const missing = store.scene!.cameras.filter((c) => !c.model).map((c) => c.name);
-  if (!missing.length) return { title, isDone: true, says: `The rig has ${store.scene!.cameras.length} cameras.` };
+  if (!missing.length) return { title, isDone: true, says: store.scene!.cameras.length === 1 ? "The camera is calibrated." : `The rig has ${store.scene!.cameras.length} cameras.` };
   const nothing = `The lenses and poses of ${join(missing)} are unknown.`;
   const why = calibrationRefused();
   if (store.status!.mode === "run" && !why) {
