@@ -196,7 +196,7 @@ std::string to_text(const Explanation& e, const Applied& applied) {
   const auto mm = [](const Alignment& alignment) { return fmt::format("{:.1f} mm", 1e3 * alignment.rms_m); };
   if (e.full.rms_m < by.rms_m && mm(e.full) != mm(by))  // no difference in figures that are not shown
     text += fmt::format("; {} leave {} ({})", e.full.text(given_s), mm(e.full), options_text(e.full, applied));
-  return text + "; options of huetrackd compare and huetrack plot" + unit_text(by.scale);
+  return text + "; options of huetrackd compare and huetrack plot" + unit_text(e.full.scale);
 }
 
 void EstimatedSample::add(const Estimated& estimate) {

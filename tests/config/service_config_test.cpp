@@ -377,7 +377,7 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{
             "RadiusInMillimetres", head + "targets:\n  ball:\n    radius_m: 40\n    color: {hue_deg: [65, 115]}\n",
             "c.yaml:5: targets.ball.radius_m: a ball of this radius does not fit into object_tracking.volume; the unit "
-            "is metres"},
+            "is metres: did you mean 0.04?"},
         Mistake{"UnknownLiveCamera", ball + "cameras:\n  cma1: {device: 0}\n",
                 "c.yaml:5: cameras.cma1: is not a camera of the rig, which has cam0, cam1 (did you mean cam1?)"},
         Mistake{"RateThatNoneHas", ball + "cameras:\n  cam1: {device: 0, fps: 1e9}\n",
