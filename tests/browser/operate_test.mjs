@@ -176,7 +176,7 @@ async function test() {
   assert.match(await page.getAttribute("#adjust-undo", "aria-label"), /; 3 can be undone$/);
   const checked = start(options.huetrackd, "check", config);
   assert.equal(await checked.ended, 0, checked.err);
-  assert.match(checked.out, /  wand:\n    radius_m: 0\.04[^\n]*(?<!taught\.yaml)\n    shape: \S+ +# from my\.taught\.yaml/);
+  assert.match(checked.out, /  wand:\n    radius_m: auto[^\n]*(?<!taught\.yaml)\n    shape: \S+ +# from my\.taught\.yaml/);
   await page.screenshot({ path: join(options.out, "page_targets.png"), fullPage: true });
 
   // ---- The cameras' controls: what is moved is seen at once, and kept when it is saved.
