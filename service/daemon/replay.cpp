@@ -269,7 +269,7 @@ std::string doubt_advice(const TargetSummary& summary, const object_tracking::Ta
   return seldom.empty() ? reports::unsure_advice(double(sets.unsure()) / double(sets.tracked()), target) : seldom;
 }
 
-// A radius that nobody gave is a mistake, unless the outlines have shown it.
+// An unset radius is a mistake, unless the outlines have shown it.
 void note_unset_radius(TargetSummary& target, const object_tracking::TargetOptions& options,
                        std::vector<std::string>& mistakes) {
   if (!options.is_radius_assumed || !target.first_tracking_set) return;

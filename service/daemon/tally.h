@@ -32,7 +32,7 @@ struct TargetSummary {
   object_tracking::OutlineFindings outlines = {};            // radius by its outlines
   bool is_radius_known = true;                               // false: assumed, and the outlines have shown none
   std::optional<double> shown_radius_m = {};                 // in force instead of the assumed one
-  std::string unset_radius = {};                             // nobody gave one; its outlines have shown it
+  std::string unset_radius = {};                             // none was given; its outlines have shown it
   std::uint64_t delivered_sets = 0, lost_sets = 0;           // with cameras enough; of them without a position
   bool is_seen_in_vain = false;  // reports::is_seen_in_vain(), where it has no position in a large share of them
   std::string advice = {};       // if it was never tracked, late, or perhaps something else

@@ -33,7 +33,7 @@ enum class TargetShape : std::uint8_t {
 struct TargetOptions {
   std::string name;                            // unique, not empty; part of the topic's name (idl/topics.h)
   double radius_m = 0.04;                      // > 0; of the ball, or of a ball of about the object's size
-  bool is_radius_assumed = false;              // nobody gave radius_m: it is this default
+  bool is_radius_assumed = false;              // radius_m was not given: it is this default
   TargetShape shape = TargetShape::automatic;  // observation: huetrack only
   // 1..most_count; how many objects of this colour there may be at once. More than 1: observation: huetrack only.
   int count = 1;
