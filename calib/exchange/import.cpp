@@ -157,7 +157,7 @@ std::vector<std::pair<std::string, Section>> sections_of(const Section& root) {
   return found;
 }
 
-// The last of the tools whose mark the file has; nullptr: none.
+// The last of the tools with a key in the file; nullptr: none.
 const Unread* unread_in(const Section& root) {
   const Unread* found = nullptr;
   for (const Unread& known : unread) {

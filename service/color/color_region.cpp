@@ -15,10 +15,6 @@ struct RegionFinderTuning {
 };
 constexpr RegionFinderTuning region_finder{};
 
-}  // namespace
-
-namespace {
-
 std::int64_t cross_of(const PixelAt& a, const PixelAt& b, const PixelAt& c) {
   return std::int64_t{b.u - a.u} * (c.v - a.v) - std::int64_t{b.v - a.v} * (c.u - a.u);
 }

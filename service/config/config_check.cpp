@@ -358,8 +358,7 @@ std::string pose_mistake(const ServiceConfig& config) {
   return fmt::format(
       "the rig's cameras do not look at one place; with inverted poses they are up to {:.2f} m apart and look at a "
       "place {:.2f} m away: its poses are probably world_from_cam where cam_from_world is expected: invert them, or "
-      "import "
-      "the rig with --inverted-poses",
+      "import the rig with --inverted-poses",
       inverted->widest, inverted->distance);
 }
 

@@ -14,6 +14,7 @@
 #include "config/service_config.h"
 #include "daemon/demo_cameras.h"
 #include "daemon/page_process.h"
+#include "page/control_handler.h"
 
 namespace huetrack::daemon {
 namespace {
@@ -56,7 +57,7 @@ fs::path copy_demo(const fs::path& from, const fs::path& to) {
   std::ofstream out(config, std::ios::app);
   out << "# `huetrackd demo` plays the recording in the place of these cameras.\ncameras:\n";
   for (const std::string& name : config::load_service_config(from / config_name).rig.camera_names())
-    out << fmt::format("  {}: {{device: /dev/v4l/by-id/huetrackd-demo-{}}}\n", name, name);
+    out << fmt::format("  {}: {{device: {}{}}}\n", name, page::played_device, name);
   out.close();
   if (!out) throw std::runtime_error("cannot write " + config.string());
   return config;

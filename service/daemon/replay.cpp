@@ -393,7 +393,7 @@ void add_mistakes(const config::ServiceConfig& config, const config::ServiceConf
   if (!unit_mistake.empty()) summary.mistakes.push_back(unit_mistake);
   const auto is_found = [](const TargetSummary& target) { return target.first_tracking_set.has_value(); };
   const bool is_all_found = std::ranges::all_of(summary.targets, is_found);
-  // A rig that works may stand as it likes.
+  // With inverted poses not all targets would be found, or the views would be inconsistent.
   const std::string poses = is_all_found && !reports.mistakes.do_views_contradict() ? "" : config::pose_mistake(config);
   if (!poses.empty()) summary.mistakes.push_back(poses);
   const std::string grey = grey_text(source, at_end);

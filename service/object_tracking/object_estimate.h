@@ -79,7 +79,7 @@ struct OutlineFindings {
 
   static constexpr double ratio = 1.13;  // of the radius to that by outlines, either way; shade makes 6 % (experiment)
   // Whether they contradict this radius, m. A wrong radius shows in all views alike; what differs between views, a hand
-  // or furniture that passes for a part of the ball, may be in all of them, too. radius_m has a value.
+  // or static clutter that passes for a part of the ball, may be in all of them, too. radius_m has a value.
   bool contradict(double radius_m) const;
 };
 

@@ -208,6 +208,11 @@ bool inside(const Volume& volume, const MotionState& motion, double margin_m) {
                            : inside(volume, motion.position(), margin_m);
 }
 
+bool inside(const Volume& volume, const PositionCandidate& candidate, double margin_m) {
+  return candidate.sightings.size() == 1 ? may_be_inside(volume, candidate.position, candidate.covariance, margin_m)
+                                         : inside(volume, candidate.position, margin_m);
+}
+
 std::optional<BallProjection> project_ball(const calib::Camera& camera, const Eigen::Vector3d& p_world,
                                            double radius_m) {
   const Eigen::Vector3d p_cam = camera.cam_from_world * p_world;

@@ -21,6 +21,8 @@ bool inside(const Volume& volume, const Eigen::Vector3d& p, double margin_m);
 bool may_be_inside(const Volume& volume, const Eigen::Vector3d& p, const Eigen::Matrix3d& covariance, double margin_m);
 // With one camera the latter, with several the former.
 bool inside(const Volume& volume, const MotionState& motion, double margin_m);
+struct PositionCandidate;
+bool inside(const Volume& volume, const PositionCandidate& candidate, double margin_m);
 
 inline double disc_area(double radius_px) {
   return std::numbers::pi * radius_px * radius_px;

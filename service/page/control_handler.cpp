@@ -29,9 +29,8 @@ void add_row(msg::ControlReply& reply, std::vector<std::string> columns) {
   reply.rows().emplace_back().columns(std::move(columns));
 }
 
-// The devices that `huetrackd demo` writes: a recording is played in their place.
 bool is_played(const config::LiveCameraConfig& camera) {
-  return camera.device.string().starts_with("/dev/v4l/by-id/huetrackd-demo-");
+  return camera.device.string().starts_with(played_device);
 }
 
 bool are(std::span<const std::string> words, std::initializer_list<std::string_view> wanted) {

@@ -18,6 +18,9 @@
 
 namespace huetrack::page {
 
+// How the devices begin that `huetrackd demo` writes into its configuration: a recording is played in their place.
+inline constexpr std::string_view played_device = "/dev/v4l/by-id/huetrackd-demo-";
+
 // thread-compatible; the page service's thread owns it.
 class ControlHandler {
  public:

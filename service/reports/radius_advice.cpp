@@ -22,8 +22,7 @@ std::string unset_radius_text(const std::optional<double>& shown_m, bool do_outl
                        target.radius_m);
   return fmt::format(
       "no radius of {} is set, and its outlines show none: {:.3g} m is assumed, and its positions and the cameras' "
-      "times "
-      "are as wrong as that is: measure it, and set radius_m",
+      "times are as wrong as that is: measure it, and set radius_m",
       target.name, target.radius_m);
 }
 

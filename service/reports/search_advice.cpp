@@ -29,8 +29,7 @@ std::string outside_advice(const objects::SearchFindings& findings, const object
     return {};
   return fmt::format(
       "in {:.0f} % of these sets two cameras see a ball of its colour and size outside of object_tracking.volume, at "
-      "x, y, "
-      "z from {} to {} m: extend the volume to there",
+      "x, y, z from {} to {} m: extend the volume to there",
       100 * double(findings.sets_outside) / double(findings.sets), place_text(findings.outside->places.min()),
       place_text(findings.outside->places.max()));
 }
@@ -54,8 +53,7 @@ std::string what_to_try(const objects::SearchFindings& findings, const object_tr
   if (2 * findings.sets_in_two < findings.sets)
     return fmt::format(
         "two cameras see its colour at once in only {:.0f} % of these sets, and a position takes two: widen its "
-        "colour, "
-        "or turn the cameras to where it is",
+        "colour, or turn the cameras to where it is",
         100 * double(findings.sets_in_two) / double(findings.sets));
   if (do_views_contradict)
     return "all cameras show regions of its colour, but the views contradict one another: correct the calibration "

@@ -11,11 +11,7 @@
 #include "object_tracking/objects/assignment.h"
 
 namespace huetrack::tracks {
-namespace {
-
-constexpr double within_m = 0.10;  // as "over 10 cm off" of a single target
-
-}  // namespace
+namespace {}  // namespace
 
 ObjectsComparison::ObjectsComparison(const truth::Truth& truth, std::vector<std::string> balls,
                                      const Eigen::AlignedBox3d& volume)
@@ -42,10 +38,11 @@ std::vector<int> ObjectsComparison::matches(const std::vector<std::size_t>& ball
     for (std::size_t o = 0; o < objects.size(); ++o) {
       double& cost = costs(Eigen::Index(b), Eigen::Index(o));
       // Below every sum of distances.
-      if (objects[o]->object == before->second && cost <= within_m) cost = -within_m * double(balls.size());
+      if (objects[o]->object == before->second && cost <= truth::wrong_beyond_m)
+        cost = -truth::wrong_beyond_m * double(balls.size());
     }
   }
-  return objects::assignment_of(costs, within_m);
+  return objects::assignment_of(costs, truth::wrong_beyond_m);
 }
 
 void ObjectsComparison::add(truth::Timestamp at, std::span<const object_tracking::ObjectEstimate> estimates) {
@@ -79,7 +76,7 @@ void ObjectsComparison::add(truth::Timestamp at, std::span<const object_tracking
   for (std::size_t o = 0; o < objects.size(); ++o) {
     bool is_counted = ball_of[o] ? bool(counts[*ball_of[o]]) : true;
     for (std::size_t b = 0; b < balls.size() && !ball_of[o]; ++b)
-      if (!counts[b] && distances_m(Eigen::Index(b), Eigen::Index(o)) <= within_m) is_counted = false;
+      if (!counts[b] && distances_m(Eigen::Index(b), Eigen::Index(o)) <= truth::wrong_beyond_m) is_counted = false;
     if (!is_counted) continue;
     if (!ball_of[o]) ++sums_.false_positions;
     ++object_sets_[objects[o]->object];
@@ -114,8 +111,8 @@ std::string to_text(const ObjectsFigures& f) {
   return fmt::format(
       "{} balls of the truth, matched within {:.0f} cm while tracking: found in {:.1f} % of their sets, rms error "
       "{:.1f} mm; false positions {}, identity switches {}; MOTA {:.3f}, IDF1 {:.3f}",
-      f.balls, 1e2 * within_m, 100.0 * double(f.found) / double(f.ball_sets), 1e3 * f.rms_m, f.false_positions,
-      f.switches, f.mota, f.idf1);
+      f.balls, 1e2 * truth::wrong_beyond_m, 100.0 * double(f.found) / double(f.ball_sets), 1e3 * f.rms_m,
+      f.false_positions, f.switches, f.mota, f.idf1);
 }
 
 }  // namespace huetrack::tracks

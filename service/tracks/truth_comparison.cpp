@@ -11,7 +11,6 @@ namespace huetrack::tracks {
 namespace {
 
 constexpr double lock_within_m = 0.05;
-constexpr double wrong_beyond_m = 0.10;
 
 }  // namespace
 
@@ -25,7 +24,7 @@ std::optional<double> TruthComparison::add(const object_tracking::ObjectEstimate
   if (!estimate.has_position()) return std::nullopt;
   const Eigen::Vector3d error = estimate.position - *truth;
   const double error_m = error.norm();
-  if (tracking && !(error_m <= wrong_beyond_m)) ++sums_.wrong_tracking;  // NaN counts as wrong
+  if (tracking && !(error_m <= truth::wrong_beyond_m)) ++sums_.wrong_tracking;  // NaN counts as wrong
   if (!sums_.lock_set && tracking && error_m <= lock_within_m) {
     sums_.lock_set = sums_.sets;
     sums_.lock_s = capture::seconds(estimate.at - *first_at_);
@@ -60,14 +59,14 @@ std::string to_text(const TruthFigures& f) {
   if (!f.lock_set)
     return fmt::format(
         "never within {:.0f} mm of the truth while tracking, in {} sets; over {:.0f} cm off while tracking: {}",
-        1e3 * lock_within_m, f.sets, 1e2 * wrong_beyond_m, f.wrong_tracking);
+        1e3 * lock_within_m, f.sets, 1e2 * truth::wrong_beyond_m, f.wrong_tracking);
   const std::string tracking =
       f.tracking_samples < f.samples ? fmt::format(" ({:.1f} mm while tracking)", 1e3 * f.tracking_rms_m) : "";
   return fmt::format(
       "locked in set {} ({:.3f} s); then {} samples, rms error {:.1f} mm{}, max {:.1f} mm, mean NEES {:.2f}, truth "
       "inside the 95 % ellipsoid {:.1f} %; over {:.0f} cm off while tracking: {} of {}",
       *f.lock_set, f.lock_s, f.samples, 1e3 * f.rms_m, tracking, 1e3 * f.max_m, f.mean_nees, 100 * f.share_inside_95,
-      1e2 * wrong_beyond_m, f.wrong_tracking, f.sets);
+      1e2 * truth::wrong_beyond_m, f.wrong_tracking, f.sets);
 }
 
 }  // namespace huetrack::tracks

@@ -65,7 +65,6 @@ std::string target_of(const std::string& name) {
 }
 
 std::vector<std::string> Truth::assign(const std::map<std::string, std::vector<Sample>>& objects) {
-  constexpr double within_m = 0.10;  // as "over 10 cm off" of a single target
   std::set<std::string> targets;
   for (const auto& [name, _] : objects) targets.insert(target_of(name));
   std::map<std::string, std::string> balls;  // by object
@@ -73,7 +72,7 @@ std::vector<std::string> Truth::assign(const std::map<std::string, std::vector<S
     if (target_of(name) == name || targets_.contains(name)) continue;
     std::map<std::string, std::size_t> next_to;
     for (const Sample& sample : samples) {
-      double nearest_m = within_m;
+      double nearest_m = wrong_beyond_m;
       const std::string* next = nullptr;
       for (const std::string& ball : objects_of(target_of(name), targets.size() == 1)) {
         const auto at = position(ball, sample.at);

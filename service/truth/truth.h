@@ -40,7 +40,7 @@ class Truth {
   std::vector<std::string> objects_of(std::string_view target, bool is_only_target) const;
 
   // Gives objects of targets with several, "swarm_3", the truth of the ball to which each is next, within 10 cm, most
-  // often; those whose name is a ball's have theirs. Returns one sentence each, for the user.
+  // often; one with a ball's name has that ball's. Returns one sentence each, for the user.
   std::vector<std::string> assign(const std::map<std::string, std::vector<Sample>>& objects);
 
   // Where the truth can hardly be of a track from first to last (on the truth's clock) in that room: other times or
@@ -63,6 +63,9 @@ class Truth {
  private:
   std::map<std::string, std::vector<Sample>, std::less<>> targets_;
 };
+
+// A position that is farther from the truth is another object's.
+inline constexpr double wrong_beyond_m = 0.10;
 
 // Of an object "ball_3" of a target with several: ball; of other names the name.
 std::string target_of(const std::string& name);

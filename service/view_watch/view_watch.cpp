@@ -744,7 +744,7 @@ void ViewWatch::confirm(const std::vector<Mistake>& found, double now_s) {
   if (is_wrong_)  // not tested again: unchanged
     for (Suspected& s : suspected_)
       if (is_of_rig(s.mistake.kind)) s.last_s = now_s;
-  // Where frames are exchanged no two cameras are consistent, and not every window shows whose they are.
+  // Where frames are exchanged no two cameras are consistent, and not every window shows their order.
   const bool are_swapped = std::ranges::any_of(suspected_, [](const Suspected& s) {
     return s.mistake.kind == MistakeKind::swapped && s.times >= consistency.min_times;
   });

@@ -411,7 +411,7 @@ TEST_F(EndToEnd, ATargetThatIsMostlyLostIsExplainedAndFailsStrict) {
   EXPECT_THAT(replayed.out, HasSubstr("outside of object_tracking.volume, at x, y, z from "));
 }
 
-// It is measured: what nobody gave is said, and fails nothing.
+// It is measured: what was not given is said, and fails nothing.
 TEST_F(EndToEnd, ARadiusThatNobodyGaveIsSaid) {
   const std::string head = "version: 1\nrig: " + (demo / "recording/rig.yaml").string() + "\ntargets: {lime: {";
   const auto replayed = [&](const std::string& more) {

@@ -85,6 +85,7 @@ struct ObjectTracker::Impl {
     std::size_t camera;
     capture::PixelFormat format;
     capture::ColorRange range;
+    bool operator==(const Expected&) const = default;
   };
   const calib::CameraRig rig;
   const TargetOptions target;
@@ -141,7 +142,8 @@ std::uint64_t ObjectTracker::frames_of_other_colors(std::size_t camera) const {
 }
 
 void ObjectTracker::expect(int camera, capture::PixelFormat format, capture::ColorRange range) {
-  impl_->expected.push_back({static_cast<std::size_t>(camera), format, range});
+  const Impl::Expected expected{static_cast<std::size_t>(camera), format, range};
+  if (std::ranges::find(impl_->expected, expected) == impl_->expected.end()) impl_->expected.push_back(expected);
   std::visit([&](auto& tracker) { tracker.views().expect(static_cast<std::size_t>(camera), format, range); },
              impl_->tracker);
 }

@@ -310,11 +310,7 @@ std::vector<Birth> RegionTracker::births(const capture::FrameSet& set, const std
       if (clutter_.is_crowded(std::size_t(view.index))) clutter_mask_.note_crowded(std::size_t(view.index));
   std::vector<Birth> out = births_.look(views, regions, covered, clutter_, clutter_mask_, set.at, times());
   if (is_alone())
-    std::erase_if(out, [&](const Birth& birth) {
-      const PositionCandidate& at = birth.now;
-      return rig_.cameras.size() == 1 ? !may_be_inside(options_.volume, at.position, at.covariance, target_.radius_m)
-                                      : !inside(options_.volume, at.position, target_.radius_m);
-    });
+    std::erase_if(out, [&](const Birth& birth) { return !inside(options_.volume, birth.now, target_.radius_m); });
   for (const Birth& birth : out) clutter_.claim(birth.earlier.sightings);
   clutter_.add(views, regions);
   births_.claim(clutter_);
