@@ -11,6 +11,7 @@
 #include "calib/exchange/exchanged_camera.h"
 #include "calib/exchange/section.h"
 #include "calib/files/config_error.h"
+#include "calib/files/document_path.h"
 #include "calib/files/file_order.h"
 
 namespace huetrack::exchange {
@@ -179,16 +180,17 @@ const Unread* unread_in(const Section& root) {
   const std::string is =
       known ? fmt::format("is {} and cannot be imported", known->label) : "is no calibration that import knows";
   if (known && known->looks_readable)
-    throw files::ConfigError(root.file(), 0,
-                             fmt::format("{}: write its cameras as one of the files that are read "
-                                         "(calib/reference.md), as OpenCV's YAML. Its keys: {}{}",
-                                         is, joined(seen), more ? ", ..." : ""));
+    throw files::ConfigError(
+        root.file(), 0,
+        fmt::format("{}: write its cameras as one of the files that are read "
+                    "({}), as OpenCV's YAML. Its keys: {}{}",
+                    is, files::document_path("calib/reference.md"), joined(seen), more ? ", ..." : ""));
   throw files::ConfigError(
       root.file(), 0,
       fmt::format(
           "{}: it has no camera matrix (camera_matrix, matrix, intrinsics, K, ...) and no distortion coefficients, at "
-          "the root or in a section per camera. Its keys: {}{}. What is read, also with --from: calib/reference.md",
-          is, joined(seen), more ? ", ..." : ""));
+          "the root or in a section per camera. Its keys: {}{}. What is read, also with --from: {}",
+          is, joined(seen), more ? ", ..." : "", files::document_path("calib/reference.md")));
 }
 
 Found arranged(const std::vector<Section>& roots) {

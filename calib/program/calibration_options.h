@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "calib/files/document_path.h"
 #include "calib/gather/gather_boards.h"
 #include "calib/program/outcome.h"
 #include "calib/solver/extrinsics.h"
@@ -47,7 +48,8 @@ inline void add_calibration_options(CLI::App& command, CalibrationOptions& optio
       ->check(CLI::PositiveNumber);
   command.add_option("--view", options.live.page,
                      "write a page for a browser with the detections and what is still missing");
-  command.add_option("--board", options.board, "the board file; see calib/README.md")->required();
+  command.add_option("--board", options.board, "the board file; see " + files::document_path("calib/README.md"))
+      ->required();
   const std::map<std::string, solver::LensModel> lenses{{"radtan4", solver::LensModel::radtan4},
                                                         {"radtan5", solver::LensModel::radtan5},
                                                         {"radtan8", solver::LensModel::radtan8},

@@ -9,6 +9,7 @@
 #include <memory>
 
 #include "calib/certify/certificate.h"
+#include "calib/files/document_path.h"
 #include "calib/files/number_text.h"
 #include "calib/files/text_file.h"
 #include "calib/gather/picture_source.h"
@@ -274,7 +275,8 @@ void add_certify_command(CLI::App& app, Command& chosen) {
       ->add_option("--length-sigma-mm", o->length_sigma_mm,
                    "standard deviation of the length, or of the places (default 0.3)")
       ->check(CLI::NonNegativeNumber);
-  command->add_option("--places", o->places, "a file of marked places for one ball; see calib/formats.md");
+  command->add_option("--places", o->places,
+                      "a file of marked places for one ball; see " + files::document_path("calib/formats.md"));
   command->add_option("--limit-mm", o->limit_mm, "limit of the expanded uncertainty (95 %), for PASS or FAIL")
       ->check(CLI::PositiveNumber);
   command->add_option("--report", o->report, "write the report: NAME.html and NAME.pdf");

@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "calib/board/board_yaml.h"
+#include "calib/files/document_path.h"
 #include "calib/gather/find_boards.h"
 #include "calib/gather/progress_line.h"
 #include "calib/model/rig_yaml.h"
@@ -68,7 +69,8 @@ void add_check_command(CLI::App& app, Command& chosen) {
   command->add_option("rig", options->rig, "the rig file")->required();
   command->add_option("inputs", options->inputs, "a recording of the board, or NAME=FRAMES for each camera")
       ->required();
-  command->add_option("--board", options->board, "the board file; see calib/README.md")->required();
+  command->add_option("--board", options->board, "the board file; see " + files::document_path("calib/README.md"))
+      ->required();
   command->add_option("--mend", options->mend, "write the rig with the new poses of moved cameras");
   command->add_flag("--note", options->note, "save the verdict and its time in the rig file");
   command->add_option("--every", options->find.every, "process every n-th frame set")->check(CLI::PositiveNumber);

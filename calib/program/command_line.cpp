@@ -2,6 +2,7 @@
 
 #include <CLI/CLI.hpp>
 
+#include "calib/files/document_path.h"
 #include "calib/files/unknown_words.h"
 #include "calib/gather/progress_line.h"
 
@@ -30,7 +31,8 @@ std::variant<Command, int> read_command_line(int argc, const char* const* argv) 
   add_board_command(app, chosen);
   add_coverage_command(app, chosen);
   app.add_flag_callback("--tell-program", &gather::ProgressLine::set_machine_readable,
-                        "progress and verdict as lines on standard output, for a program (calib/reference.md)");
+                        "progress and verdict as lines on standard output, for a program (" +
+                            files::document_path("calib/reference.md") + ")");
 
   try {
     app.parse(argc, argv);

@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "calib/board/board_yaml.h"
+#include "calib/files/document_path.h"
 #include "calib/gather/find_boards.h"
 #include "calib/model/rig_yaml.h"
 #include "calib/program/commands.h"
@@ -191,7 +192,8 @@ void add_world_command(CLI::App& app, Command& chosen) {
   command->add_option("--height", options->height_m, "of the board's surface above the floor, metres")
       ->check(CLI::Range(0.0, 1.0));
   command->add_option("--at", options->at_s, "time in the recording, seconds; default: when most cameras see it");
-  command->add_option("--points", options->points, "a file of three or more measured points; see calib/README.md");
+  command->add_option("--points", options->points,
+                      "a file of three or more measured points; see " + files::document_path("calib/README.md"));
   command->add_flag("--scale", options->scale, "also take the scale from the points");
   command->add_flag("--overwrite", options->overwrite, "a doubtful result may replace an existing rig");
   command->add_option("--out", options->out, "the rig file to write; default: in place");

@@ -8,6 +8,7 @@
 #include <string>
 #include <utility>
 
+#include "calib/files/document_path.h"
 #include "calib/files/text_file.h"
 #include "calib/files/unknown_words.h"
 #include "clients/bag/export.h"
@@ -160,7 +161,7 @@ void CommandLine::add_control() {
         control_.participant = participant_;
         return control(control_);
       });
-  command.add_option("words", control_.words, "the request; see idl/README.md")->required();
+  command.add_option("words", control_.words, "the request; see " + files::document_path("idl/README.md"))->required();
   command.add_option("--service", control_.service, "HOST/PID, if there are several services");
   command.add_option("--out", control_.out, "of a download: the tar file; -: stdout; default: NAME.tar");
   add_bus(command);

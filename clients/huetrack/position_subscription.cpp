@@ -4,6 +4,7 @@
 #include <fastdds/dds/subscriber/DataReaderListener.hpp>
 #include <fastdds/dds/subscriber/SampleInfo.hpp>
 
+#include "calib/files/document_path.h"
 #include "calib/files/text_file.h"
 #include "idl/huetrackPubSubTypes.h"
 #include "printable_sample.h"
@@ -158,7 +159,8 @@ std::vector<std::string> SampleSubscription<Sample>::news() {
                                    ? "durability"
                                    : "policy " + std::to_string(incompatible.last_policy_id);
     sentences.push_back("a publisher is there, but it offers less than we ask for (" + policy +
-                        "), so nothing comes from it: its XML profile, or ours, changed the QoS; see idl/README.md");
+                        "), so nothing comes from it: its XML profile, or ours, changed the QoS; see " +
+                        files::document_path("idl/README.md"));
   }
   return sentences;
 }

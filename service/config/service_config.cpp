@@ -12,6 +12,7 @@
 #include <span>
 #include <string_view>
 
+#include "calib/files/document_path.h"
 #include "calib/files/nearest_word.h"
 #include "calib/files/number_text.h"
 #include "calib/files/text_file.h"
@@ -149,7 +150,8 @@ void describe_camera_tracking(Io& io, Tracking& t) {
     in.table_or("rectangle", t.rectangle, xyz, 3, 5,
                 "4 corners: CSV file, or [[x, y, z], ...]; with u, v: pixels in frame 0");
     in.table_or("points", t.points, xyz, 5, 5, "known points in frame 0: CSV file, or [[x, y, z, u, v], ...]");
-    in.path_or("board", "none", t.board, "a board file (calib/README.md): detected automatically");
+    in.path_or("board", "none", t.board,
+               "a board file (" + files::document_path("calib/README.md") + "): detected automatically");
     in.table_or("leds", t.leds, {xyz[0], xyz[1], xyz[2]}, 3, 3, "LED positions: CSV file, or [[x, y, z], ...]");
     in.table_or("led_schedule", t.led_schedule, {{"led", "led"}}, 1, 1,
                 "which LED is lit, per slot (-1: none): CSV file, or [[0], [1], ...]; none: not identified");
@@ -990,8 +992,9 @@ bool is_taught(const object_tracking::TargetOptions& target) {
 void require_rig(const ServiceConfig& config) {
   if (config.is_calibrated()) return;
   throw files::ConfigError(config.file, 0,
-                           "rig is none: calibrate the cameras first (huetrack-calibrate, calib/tutorial.md), and set "
-                           "rig to the file that it writes; until then, huetrackd run shows them");
+                           "rig is none: calibrate the cameras first (huetrack-calibrate, " +
+                               files::document_path("calib/tutorial.md") +
+                               "), and set rig to the file that it writes; until then, huetrackd run shows them");
 }
 
 std::vector<capture::FrameTiming> frame_timing(const calib::CameraRig& rig) {

@@ -10,6 +10,7 @@
 #include <cstdio>
 #include <stdexcept>
 
+#include "calib/files/document_path.h"
 #include "calib/files/output_file.h"
 #include "calib/files/text_file.h"
 #include "calib/model/rig_yaml.h"
@@ -82,8 +83,8 @@ void write_first_configuration(const SetUpCommand& command, const std::stop_toke
   if (cameras.empty())
     throw std::runtime_error(fmt::format(
         "{} was not written: no camera can be used here. Run huetrackd doctor to examine them; add network cameras "
-        "manually (service/daemon/live.md). Without a camera, huetrackd demo shows the page on a recording",
-        file.string()));
+        "manually ({}). Without a camera, huetrackd demo shows the page on a recording",
+        file.string(), files::document_path("service/daemon/live.md")));
   const std::string rig = cameras.size() == 1 ? write_rig_of_one(file, cameras.front(), command.fov_deg) : "";
   files::write_whole_file(file, first_configuration(cameras, memory_of_this_host(), rig));
   fmt::print("written: {}, with {} camera{}\n", file.string(), cameras.size(), cameras.size() == 1 ? "" : "s");

@@ -132,9 +132,16 @@ TEST_F(Demo, RunsAsInstalled) {
   Process install({HUETRACK_CMAKE, "--install", HUETRACK_BUILD_DIR, "--prefix", prefix}, folder / "install.out",
                   folder / "install.err");
   ASSERT_EQ(install.wait(), 0) << install.err();
+  const fs::path documents = prefix / "share/doc/huetrack";
   for (const char* const document : {"README.md", "calib/tutorial.md", "calib/reference.md", "calib/formats.md",
                                      "service/daemon/live.md", "configs/huetrackd.yaml"})
-    EXPECT_TRUE(fs::is_regular_file(prefix / "share/doc/huetrack" / document)) << document;
+    EXPECT_TRUE(fs::is_regular_file(documents / document)) << document;
+  Process links({"/usr/bin/python3", HUETRACK_SOURCE_DIR "/tests/floors/check_documents.py", "--links", documents},
+                folder / "links.out", folder / "links.err");
+  EXPECT_EQ(links.wait(), 0) << links.err();
+  Process help({prefix / "bin/huetrack", "control", "--help"}, folder / "help.out", folder / "help.err");
+  EXPECT_EQ(help.wait(), 0);
+  EXPECT_THAT(help.out(), HasSubstr((documents / "idl/README.md").string())) << "messages name the installed documents";
   start({folder / "mine", "--no-page"}, prefix / "bin/huetrackd");
   EXPECT_THAT(huetrack({"watch", "--count", "10", "--timeout", "20"}), HasSubstr("lime  tracking"));
   service->kill(SIGINT);

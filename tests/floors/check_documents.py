@@ -2,6 +2,7 @@
 """Fails where a document's link leads nowhere, or where a program's message names a document that is not installed.
 
   check_documents.py ROOT INSTALLED   INSTALLED: the installed documents, relative to ROOT, with commas between them
+  check_documents.py --links FOLDER   only the links, of the documents as they are installed
   check_documents.py --self-test      a tree with planted faults
 """
 import pathlib
@@ -92,6 +93,13 @@ def self_test():
 def main():
     if sys.argv[1:] == ["--self-test"]:
         return self_test()
+    if sys.argv[1] == "--links":
+        folder = pathlib.Path(sys.argv[2])
+        if not files(folder, {".md"}):
+            sys.exit(f"no document is in {folder}")
+        if faults := list(broken_links(folder)):
+            sys.exit("\n".join(faults))
+        return
     root, installed = pathlib.Path(sys.argv[1]), set(sys.argv[2].split(","))
     if not any(NAMED.search(messages(path)) for path in files(root, {".cpp"})):
         sys.exit("no message names a document: this test looks in the wrong place")
