@@ -22,9 +22,8 @@
 #include "color_teaching/spread_moments.h"
 #include "config/service_config.h"
 #include "config/taught_file.h"
-#include "config/view_volume.h"
-#include "page/color_trial.h"
 #include "page/request_words.h"
+#include "page/tried_teaching.h"
 #include "pictures/pictures.h"
 #include "pipeline/file_outputs.h"
 #include "pipeline/live_cameras.h"
@@ -341,55 +340,17 @@ bool is_worth_writing(const color_teaching::Lesson& lesson, const TeachCommand& 
   return true;
 }
 
-// A measured radius replaces the default, unless it is based on unconfirmed places; it replaces a configured radius
-// only with
-// --radius.
-std::optional<double> radius_to_write(const color_teaching::Lesson& lesson, const TeachCommand& command,
-                                      bool is_sized) {
-  if (command.radius && !lesson.radius.radius_m)
-    throw std::runtime_error("nothing is saved: --radius: " + color_teaching::radius_words(lesson.radius, {}));
-  const bool is_taken = command.radius || (!is_sized && lesson.unconfirmed.empty());
-  return is_taken ? lesson.radius.radius_m : std::nullopt;
-}
-
-// Advice for a colour that fails the trial. lesson: has the tried radius. is_sized: the radius is configured.
-std::string what_to_try(const color_teaching::Lesson& lesson, const ColorTrial& trial, const calib::Camera& camera,
-                        const Eigen::Vector2d& px, const object_tracking::Volume& volume, bool is_sized) {
-  constexpr double mm = 1e3;
-  const double tried_mm = mm * lesson.target.radius_m;
-  if (!config::meets_volume(camera, px, volume))
-    return fmt::format(
-        "the point in {} is outside of object_tracking.volume, min: [{:g}], max: [{:g}]: extend the volume, in the "
-        "rig's world frame, to where the object is",
-        camera.name, fmt::join(volume.min, ", "), fmt::join(volume.max, ", "));
-  if (color_teaching::differs_clearly(lesson.radius, lesson.target.radius_m))
-    return fmt::format(
-        "the search accepts only objects of about the configured radius, {:g} mm, but the pictures show {:.0f} mm: use "
-        "that with --radius, or correct radius_m",
-        tried_mm, mm * *lesson.radius.radius_m);
-  const bool is_elsewhere = trial.is_sure && trial.at_point && lesson.target.count == 1;
-  return std::string(is_elsewhere ? "if that is another such object, raise the target's count; else " : "") +
-         "give its place in every camera (--at), or where it is larger, or in another frame" +
-         (is_sized ? fmt::format("; or radius_m, {:g} mm, is wrong{}", tried_mm,
-                                 lesson.radius.radius_m ? ": --radius uses the measured one" : "")
-                   : std::string());
-}
-
-// Tests the colour on the recording before saving. With --accept the suggestions in other views are unconfirmed: a
-// failed test prevents saving. If all views were clicked, it is only a warning.
-bool holds_on_recording(const color_teaching::Lesson& lesson, const TeachCommand& command,
-                        const config::ServiceConfig& config, const SeenAt& seen, const std::stop_token& stop) {
-  const ColorTrial trial = try_color(config, command.recording, lesson.target, seen, stop);
-  const std::string words = words_of(trial, config.rig.cameras[std::size_t(seen.point.camera)].name);
-  const bool holds = trial.is_sure && (trial.is_found() || lesson.accepted.empty());
-  if (command.accept && !holds) {
-    fmt::print(stderr, "huetrackd: nothing is saved: with the learnt colour, {}: {}\n", words,
-               what_to_try(lesson, trial, config.rig.cameras[std::size_t(seen.point.camera)], seen.point.px,
-                           config.object_tracking.volume, !lesson.target.is_radius_assumed));
-    return false;
-  }
-  fmt::print("{} the learnt colour, {}\n", trial.is_sure && trial.is_found() ? "With" : "Warning: with", words);
-  return true;
+void save_lesson(const TriedLesson& tried, const TeachCommand& command, const config::ServiceConfig& config,
+                 const object_tracking::TargetOptions& target, const object_tracking::IgnoredRegions& ignored) {
+  const color_teaching::RadiusProposal& radius = tried.lesson.radius;
+  const std::filesystem::path written = config::save_taught(
+      config.file, tried.lesson.target, command.ignore.empty() ? std::nullopt : std::optional(ignored), tried.radius_m);
+  fmt::print("written into {}: the colour of {}{}\n", written.string(), target.name,
+             tried.radius_m ? ", and its radius" : "");
+  if (!tried.radius_m && radius.radius_m && target.is_radius_assumed)
+    fmt::print("Warning: {} --radius saves it\n", color_teaching::unsaved_radius_words());
+  else if (!tried.radius_m && radius.radius_m && color_teaching::differs_clearly(radius, target.radius_m))
+    fmt::print("radius_m is not changed; --radius uses the one above\n");
 }
 
 }  // namespace
@@ -424,8 +385,10 @@ int teach(const TeachCommand& command, std::stop_token stop) {
   color_teaching::ColorTeacher teacher(config.rig, pictures.set, pictures.elsewhen);
   for (const capture::FrameSet& moment : pictures.moments)
     if (!teacher.add_moment(moment)) break;
-  color_teaching::Lesson lesson =
-      color_teaching::learn(teacher, pointing.request, config.targets, target, config.object_tracking.volume);
+  const auto first_camera = std::size_t(pointing.request.points.front().camera);
+  const TriedTeaching teaching(command, config, target, teacher, pointing.request,
+                               pictures.set.frames[first_camera]->captured_at);
+  color_teaching::Lesson lesson = teaching.learn(command.wider);
   const bool is_sized = !target.is_radius_assumed;
   print_lesson(lesson, config.rig, pictures.numbers, is_sized ? std::optional(target.radius_m) : std::nullopt);
   if (!command.pictures.empty()) {
@@ -434,24 +397,10 @@ int teach(const TeachCommand& command, std::stop_token stop) {
   }
   if (!is_worth_writing(lesson, command)) return 1;
   if (command.dry_run && !command.accept) return 0;
-  const std::optional<double> radius_m = radius_to_write(lesson, command, is_sized);
-  lesson.target.ignored = pointing.request.ignored;
-  lesson.target.radius_m = radius_m.value_or(target.radius_m);
-  const color_teaching::TeachPoint& first = pointing.request.points.front();
-  if (command.recording != live &&
-      !holds_on_recording(lesson, command, config,
-                          {.point = first, .at = pictures.set.frames[std::size_t(first.camera)]->captured_at}, stop))
-    return 1;
+  TriedLesson tried = teaching.untried(std::move(lesson));
+  if (command.recording != live && !teaching.passes(tried, stop)) return 1;
   if (command.dry_run) return 0;
-  const bool adds_ignored = !command.ignore.empty();
-  const std::filesystem::path written = config::save_taught(
-      config.file, lesson.target, adds_ignored ? std::optional(pointing.request.ignored) : std::nullopt, radius_m);
-  fmt::print("written into {}: the colour of {}{}\n", written.string(), target.name,
-             radius_m ? ", and its radius" : "");
-  if (!radius_m && lesson.radius.radius_m && target.is_radius_assumed)
-    fmt::print("Warning: {} --radius saves it\n", color_teaching::unsaved_radius_words());
-  else if (!radius_m && lesson.radius.radius_m && color_teaching::differs_clearly(lesson.radius, target.radius_m))
-    fmt::print("radius_m is not changed; --radius uses the one above\n");
+  save_lesson(tried, command, config, target, pointing.request.ignored);
   tell_services(config);
   return 0;
 }

@@ -17,6 +17,7 @@ struct TeachCommand {
   bool accept = false;                 // accept suggestions in views without a point
   bool radius = false;                 // replace the configured radius by the measured one
   bool only = false;                   // save although suggestions are open
+  bool force = false;                  // save although the object is not tracked with it; not what was accepted
   bool dry_run = false;                // save nothing
   bool undo = false;                   // only undo the last save
   bool redo = false;                   // only redo the last undone save
@@ -25,7 +26,8 @@ struct TeachCommand {
 };
 
 // Prints what was learnt, saves it to the taught file, and makes a service with this configuration on this host reload
-// it. Returns the exit status: 1 if nothing was learnt or a suggestion is open; then nothing is saved. throws
+// it. Where the object is not tracked in the recording with it, narrower and wider ranges are tried. Returns the exit
+// status: 1 if nothing was learnt, a suggestion is open or no range passes the trial; then nothing is saved. throws
 // ConfigError and other std::exceptions with one readable line.
 int teach(const TeachCommand& command, std::stop_token stop);
 

@@ -163,6 +163,23 @@ TEST_F(Teach, AcceptTriesTheColourBeforeItIsWritten) {
   EXPECT_FALSE(fs::exists(taught));
 }
 
+TEST_F(Teach, OtherWidthsAreTriedAndOnlyForceSavesWhatIsNotTracked) {
+  const std::vector<std::string> teach{"teach", config, recording, "--at", "cam0,60,100,100", "--only"};
+  const Result refused = run(teach);
+  EXPECT_EQ(refused.status, 1);
+  EXPECT_THAT(refused.out, AllOf(HasSubstr("  --wider -1: tried on the recording, "), HasSubstr("  --wider 3: ")));
+  EXPECT_THAT(refused.err,
+              AllOf(StartsWith("huetrackd: nothing is saved: "), HasSubstr(", nor with narrower or wider ranges: "),
+                    HasSubstr("; --force saves it nevertheless\n")));
+  EXPECT_FALSE(fs::exists(taught));
+  std::vector<std::string> forced = teach;
+  forced.push_back("--force");
+  const Result saved = run(forced);
+  EXPECT_EQ(saved.status, 0) << saved.err;
+  EXPECT_THAT(saved.out, HasSubstr("Warning: with the learnt colour, tried on the recording, nothing is tracked"));
+  EXPECT_TRUE(fs::exists(taught));
+}
+
 TEST_F(Teach, WhereAnotherObjectOfTheColourIsTrackedItNamesCount) {
   const fs::path three = fs::path(HUETRACK_SHARED_DATA) / "rendered/juggling";
   if (!fs::exists(three)) GTEST_SKIP() << three << " is not there";

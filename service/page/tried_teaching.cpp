@@ -1,0 +1,125 @@
+#include "page/tried_teaching.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <cstdio>
+#include <stdexcept>
+#include <utility>
+
+#include "config/view_volume.h"
+
+namespace huetrack::page {
+namespace {
+
+// A measured radius replaces the default, unless it is based on unconfirmed places; it replaces a configured radius
+// only with --radius.
+std::optional<double> radius_to_write(const color_teaching::Lesson& lesson, const TeachCommand& command,
+                                      bool is_sized) {
+  if (command.radius && !lesson.radius.radius_m)
+    throw std::runtime_error("nothing is saved: --radius: " + color_teaching::radius_words(lesson.radius, {}));
+  const bool is_taken = command.radius || (!is_sized && lesson.unconfirmed.empty());
+  return is_taken ? lesson.radius.radius_m : std::nullopt;
+}
+
+// Why no range of the colour can pass the trial, and what to do; empty: another one may. lesson: has the tried radius.
+std::string other_reason(const color_teaching::Lesson& lesson, const calib::Camera& camera, const Eigen::Vector2d& px,
+                         const object_tracking::Volume& volume) {
+  constexpr double mm = 1e3;
+  if (!config::meets_volume(camera, px, volume))
+    return fmt::format(
+        "the point in {} is outside of object_tracking.volume, min: [{:g}], max: [{:g}]: extend the volume, in the "
+        "rig's world frame, to where the object is",
+        camera.name, fmt::join(volume.min, ", "), fmt::join(volume.max, ", "));
+  if (color_teaching::differs_clearly(lesson.radius, lesson.target.radius_m))
+    return fmt::format(
+        "the search accepts only objects of about the configured radius, {:g} mm, but the pictures show {:.0f} mm: use "
+        "that with --radius, or correct radius_m",
+        mm * lesson.target.radius_m, mm * *lesson.radius.radius_m);
+  return "";
+}
+
+bool is_elsewhere(const ColorTrial& trial, const color_teaching::Lesson& lesson) {
+  return trial.is_sure && trial.at_point && !trial.is_found() && lesson.target.count == 1;
+}
+
+// is_sized: the radius is configured.
+std::string what_to_try(const color_teaching::Lesson& lesson, const ColorTrial& trial, bool is_sized) {
+  return std::string(is_elsewhere(trial, lesson) ? "if that is another such object, raise the target's count; else "
+                                                 : "") +
+         "give its place in every camera (--at), or where it is larger, or in another frame" +
+         (is_sized ? fmt::format("; or radius_m, {:g} mm, is wrong{}", 1e3 * lesson.target.radius_m,
+                                 lesson.radius.radius_m ? ": --radius uses the measured one" : "")
+                   : std::string());
+}
+
+}  // namespace
+
+TriedTeaching::TriedTeaching(const TeachCommand& command, const config::ServiceConfig& config,
+                             const object_tracking::TargetOptions& target, const color_teaching::ColorTeacher& teacher,
+                             const color_teaching::TeachRequestOptions& request, capture::Timestamp clicked_at)
+    : command_(command),
+      config_(config),
+      target_(target),
+      teacher_(teacher),
+      request_(request),
+      seen_{.point = request.points.front(), .at = clicked_at} {}
+
+color_teaching::Lesson TriedTeaching::learn(int wider) const {
+  color_teaching::TeachRequestOptions request = request_;
+  request.wider = wider;
+  return color_teaching::learn(teacher_, request, config_.targets, target_, config_.object_tracking.volume);
+}
+
+TriedLesson TriedTeaching::untried(color_teaching::Lesson lesson) const {
+  TriedLesson out{.lesson = std::move(lesson), .radius_m = {}};
+  out.radius_m = radius_to_write(out.lesson, command_, is_sized());
+  out.lesson.target.ignored = request_.ignored;
+  out.lesson.target.radius_m = out.radius_m.value_or(target_.radius_m);
+  return out;
+}
+
+void TriedTeaching::try_it(TriedLesson& tried, const std::stop_token& stop) const {
+  tried.trial = try_color(config_, command_.recording, tried.lesson.target, seen_, stop);
+}
+
+bool TriedTeaching::passes(TriedLesson& tried, const std::stop_token& stop) const {
+  try_it(tried, stop);
+  const std::string other = other_reason(tried.lesson, camera(), seen_.point.px, config_.object_tracking.volume);
+  const bool is_by_width = other.empty() && command_.wider == 0 && !is_elsewhere(tried.trial, tried.lesson);
+  const bool is_tried_again = !tried.is_found() && is_by_width;
+  if (is_tried_again) {
+    fmt::print("With the learnt colour, {}: narrower and wider ranges are tried\n", words(tried));
+    if (auto better = other_width(tried, stop)) tried = std::move(*better);
+  }
+  if (tried.holds() || (command_.force && !command_.accept)) {
+    fmt::print("{} the learnt colour, {}\n", tried.is_found() ? "With" : "Warning: with", words(tried));
+    return true;
+  }
+  fmt::print(stderr, "huetrackd: nothing is saved: with the learnt colour, {}{}: {}{}\n", words(tried),
+             is_tried_again ? ", nor with narrower or wider ranges" : "",
+             other.empty() ? what_to_try(tried.lesson, tried.trial, is_sized()) : other,
+             command_.accept ? "" : "; --force saves it nevertheless");
+  return false;
+}
+
+std::optional<TriedLesson> TriedTeaching::other_width(const TriedLesson& first, const std::stop_token& stop) const {
+  const int learnt_with = first.lesson.narrowed_to.value_or(0);
+  for (const int step : {-1, 1, -2, 2, -3, 3}) {
+    const int wider = learnt_with + step;
+    if (stop.stop_requested() || wider == 0) continue;  // 0: narrowed once more
+    color_teaching::Lesson lesson = learn(wider);
+    const bool is_useless = !lesson.why_useless.empty() || lesson.unconfirmed.size() > first.lesson.unconfirmed.size();
+    if (is_useless || (command_.radius && !lesson.radius.radius_m)) continue;
+    TriedLesson next = untried(std::move(lesson));
+    try_it(next, stop);
+    fmt::print("  --wider {}: {}\n", wider, words(next));
+    if (next.is_found()) {
+      fmt::print("So the ranges of --wider {} are used\n", wider);
+      return next;
+    }
+  }
+  return std::nullopt;
+}
+
+}  // namespace huetrack::page
