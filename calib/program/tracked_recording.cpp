@@ -60,7 +60,7 @@ Tracked tracked(const config::ServiceConfig& config, const std::string& file, co
   pipeline::Session session(config, std::move(sources), {});
   Collector collector(config.targets, out);
   reports::RigReport cameras(config);
-  reports::MistakeReport mistakes(config);
+  reports::MistakeReport mistakes(config, true);
   for (pipeline::Output* output : std::initializer_list<pipeline::Output*>{&collector, &cameras, &mistakes})
     session.add(*output);
   const auto began = std::chrono::steady_clock::now();

@@ -23,7 +23,6 @@ LightReport::LightReport(const config::ServiceConfig& config, bool is_recorded)
       is_recorded_(is_recorded),
       has_controls_(cameras_.size(), true),
       watches_(cameras_.size()),
-      logged_(cameras_.size()),
       briefs_(cameras_.size()),
       colors_(config.targets.size()),
       targets_(config.targets),
@@ -43,14 +42,8 @@ void LightReport::on_frame(const capture::Frame& frame, capture::Timestamp /*rec
     warnings.push_back(fmt::format("camera {}: {}: {}{}", cameras_[c], remark.what,
                                    is_recorded_ ? "for the next recording, set " : "set ", remark.advice));
     if (std::ranges::find(briefs_[c], remark.brief) == briefs_[c].end()) briefs_[c].push_back(remark.brief);
-  }
-  for (const std::string& warning : warnings) {
-    const auto is_same = [&](const std::string& other) {
-      return pipeline::without_numbers(other) == pipeline::without_numbers(warning);
-    };
-    if (std::ranges::any_of(logged_[c], is_same)) continue;
-    logged_[c].push_back(warning);
-    spdlog::warn("{}", warning);
+    if (logged_.insert(pipeline::without_numbers(remark.what + remark.advice)).second)
+      spdlog::warn("{}", warnings.back());
   }
   if (is_recorded_) return;
   const std::scoped_lock lock(mutex_);

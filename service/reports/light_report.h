@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -15,8 +16,8 @@ namespace huetrack::reports {
 
 class LightReport final : public pipeline::Output {
  public:
-  // New findings are also logged. is_recorded: cameras cannot be adjusted any more, so findings about pictures are in
-  // the log and the summary but are no warnings.
+  // New findings are also logged, those about pictures for the first camera that has them. is_recorded: cameras cannot
+  // be adjusted any more, so findings about pictures are in the log and the summary but are no warnings.
   LightReport(const config::ServiceConfig& config, bool is_recorded);
 
   void on_frame(const capture::Frame& frame, capture::Timestamp received_at) override;
@@ -51,7 +52,7 @@ class LightReport final : public pipeline::Output {
   const bool is_recorded_;
   std::vector<bool> has_controls_;                // per camera; false: the camera has its own program for them
   std::vector<capture::LightWatch> watches_;      // the capture threads', one at a time
-  std::vector<std::vector<std::string>> logged_;  // the capture threads'; per camera, all warnings so far
+  std::set<std::string> logged_;                  // the capture threads'; without numbers and camera
   std::vector<std::vector<std::string>> briefs_;  // the capture threads'; per camera, each once
   std::vector<TargetColors> colors_;              // the tracking thread's; warnings are guarded by mutex_
   std::optional<capture::Timestamp> first_at_;    // the tracking thread's

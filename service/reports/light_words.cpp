@@ -32,16 +32,16 @@ std::string movement(const NearEnd& end, const ColorHealth& health) {
   const auto& median = health.seen->median;
   switch (end.axis) {
     case ColorAxis::hue:
-      return fmt::format("the colour has moved by {:.0f} degrees since it was taught, {}", std::abs(median[0]),
+      return fmt::format("the colour differs by {:.0f} degrees from the configured one, {}", std::abs(median[0]),
                          margin_text(end.left, fmt::format("{:.0f} degrees", std::abs(end.left))));
     case ColorAxis::saturation:
-      return fmt::format("the colour has become {} than it was taught (saturation {:.2f}), {}",
+      return fmt::format("the colour is {} than the configured one (saturation {:.2f}), {}",
                          end.is_upper ? "stronger" : "paler", median[1],
                          margin_text(end.left, fmt::format("{:.2f}", std::abs(end.left))));
     case ColorAxis::intensity:
       break;
   }
-  return fmt::format("the colour has become {} than it was taught (intensity {:.2f}), {}",
+  return fmt::format("the colour is {} than the configured one (intensity {:.2f}), {}",
                      end.is_upper ? "brighter" : "darker", median[2],
                      margin_text(end.left, fmt::format("{:.2f}", std::abs(end.left))));
 }
@@ -84,9 +84,9 @@ std::string color_warning(const object_tracking::TargetOptions& target, const st
   const char* const fix = is_recorded ? "" : is_light ? "fix exposure and gain, " : "fix white balance and exposure, ";
   return fmt::format("{} in {}: {}: {}", target.name, camera, movement(*health.near_end, health),
                      target.adapts_color && is_at_limit
-                         ? "color: adapt has reached its limit: teach the colour again in this light"
+                         ? "color: adapt has reached its limit: teach the colour in this light"
                      : target.adapts_color ? "color: adapt follows it"
-                                           : fmt::format("{}teach it again, or set color: {{adapt: true}}", fix));
+                                           : fmt::format("{}teach it, or set color: {{adapt: true}}", fix));
 }
 
 bool is_lost(const ColorHealth& health, object_tracking::TrackState state) {

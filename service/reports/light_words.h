@@ -18,7 +18,7 @@ struct Remark {
 // camera; otherwise the advice is about the camera's own program, as for a network camera.
 std::vector<Remark> light_remarks(const capture::LightFindings& findings, bool has_controls = true);
 
-// "ball in cam1: the colour has moved by 12 degrees since it was taught; ..."; empty if the colour is well inside its
+// "ball in cam1: the colour differs by 12 degrees from the configured one; ..."; empty if the colour is well inside its
 // range. is_recorded: advice about camera controls is left out.
 std::string color_warning(const object_tracking::TargetOptions& target, const std::string& camera,
                           const object_trackers::ColorHealth& health, bool is_recorded);

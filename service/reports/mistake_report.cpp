@@ -10,8 +10,8 @@
 
 namespace huetrack::reports {
 
-MistakeReport::MistakeReport(const config::ServiceConfig& config)
-    : cameras_(config.rig.camera_names()), targets_(config.targets) {}
+MistakeReport::MistakeReport(const config::ServiceConfig& config, bool is_recorded)
+    : is_recorded_(is_recorded), cameras_(config.rig.camera_names()), targets_(config.targets) {}
 
 void MistakeReport::on_set(const pipeline::TrackedSet& set) {
   if (!first_at_) first_at_ = set.frames.at;
@@ -36,7 +36,8 @@ void MistakeReport::on_set(const pipeline::TrackedSet& set) {
       view_watch::Mistake named = mistake;
       if (mistake.kind == view_watch::MistakeKind::late && !mistake.cameras.empty())
         named.shown_hz = frames_per_second(std::size_t(mistake.cameras.front()));
-      now.push_back(is_radius && has_moved_ ? known->second.sentence : mistake_text(named, targets_[t], cameras_));
+      now.push_back(is_radius && has_moved_ ? known->second.sentence
+                                            : mistake_text(named, targets_[t], cameras_, is_recorded_));
       kinds.push_back(std::move(kind));
     }
   }

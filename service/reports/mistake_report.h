@@ -15,7 +15,8 @@ namespace huetrack::reports {
 
 class MistakeReport final : public pipeline::Output {
  public:
-  explicit MistakeReport(const config::ServiceConfig& config);
+  // is_recorded: the advice is about files and videos; otherwise about cameras
+  MistakeReport(const config::ServiceConfig& config, bool is_recorded);
 
   void on_set(const pipeline::TrackedSet& set) override;
   void on_config(const config::ServiceConfig& config) noexcept override;
@@ -43,6 +44,7 @@ class MistakeReport final : public pipeline::Output {
   void note_frames(const capture::FrameSet& frames);
   double frames_per_second(std::size_t camera) const;  // 0: unknown
 
+  const bool is_recorded_;
   std::vector<Span> spans_;  // the tracking thread's
   std::vector<std::string> cameras_;
   std::optional<capture::Timestamp> first_at_;  // the tracking thread's

@@ -19,6 +19,7 @@ constexpr double clutter_share = 0.001, no_clutter_share = 0.0005;
 // Limit of log lines about objects that appear and end.
 constexpr int max_lines = 40;
 constexpr double lines_period_s = 10;
+constexpr std::uint64_t window = 60;  // tracked sets: two seconds; a track begins with a wide sigma
 
 std::string text_of(const Eigen::Vector3d& p) {
   return fmt::format("{:.2f}, {:.2f}, {:.2f} m", p.x(), p.y(), p.z());
@@ -56,6 +57,13 @@ std::string other_colors_text(const std::string& camera, const std::string& targ
       camera, target);
 }
 
+std::string shared_place_text(const std::string& target, const std::string& other) {
+  return fmt::format(
+      "{} and {} are tracked at the same place: one object has the colours of both: narrow one of them, or remove one "
+      "target",
+      target, other);
+}
+
 ObjectReport::ObjectReport(const config::ServiceConfig& config)
     : cameras_(config.rig.camera_names()), options_(config.targets) {
   for (const auto& options : options_) {
@@ -75,6 +83,7 @@ void ObjectReport::Finding::set(std::string sentence, const std::string& when_go
 void ObjectReport::on_set(const pipeline::TrackedSet& set) {
   log_objects(set);
   check_certainty(set);
+  check_shared_places(set);
   if (sets_++ % check_sets != 0) return;
   check_clutter(set);
   check_radius(set);
@@ -168,7 +177,6 @@ void ObjectReport::check_other_colors(const pipeline::TrackedSet& set) {
 }
 
 void ObjectReport::check_certainty(const pipeline::TrackedSet& set) {
-  constexpr std::uint64_t window = 60;  // tracked sets: two seconds; a track begins with a wide sigma
   const std::scoped_lock lock(mutex_);
   for (const auto& estimate : set.estimates) {
     Target& target = targets_[estimate.target];
@@ -185,9 +193,32 @@ void ObjectReport::check_certainty(const pipeline::TrackedSet& set) {
   }
 }
 
+// Two objects cannot be as near to one another as this; for moments their estimates can.
+void ObjectReport::check_shared_places(const pipeline::TrackedSet& set) {
+  std::map<std::pair<std::size_t, std::size_t>, std::uint64_t> together;
+  const std::scoped_lock lock(mutex_);
+  for (const auto& a : set.estimates) {
+    for (const auto& b : set.estimates) {
+      constexpr auto tracking = object_tracking::TrackState::tracking;
+      if (a.target >= b.target || a.state != tracking || b.state != tracking) continue;
+      if ((a.position - b.position).norm() < std::min(options_[a.target].radius_m, options_[b.target].radius_m))
+        together[{a.target, b.target}] = together_[{a.target, b.target}] + 1;
+    }
+  }
+  together_ = std::move(together);
+  for (std::size_t t = 0; t < targets_.size() && t < options_.size(); ++t) {
+    const auto lasting = std::ranges::find_if(
+        together_, [&](const auto& pair) { return pair.first.first == t && pair.second >= window; });
+    targets_[t].shared_place.set(
+        lasting == together_.end() ? "" : shared_place_text(options_[t].name, options_[lasting->first.second].name),
+        "");
+  }
+}
+
 void ObjectReport::on_config(const config::ServiceConfig& config) noexcept {
   const std::scoped_lock lock(mutex_);
   options_ = config.targets;
+  together_.clear();
   for (std::size_t t = 0; t < targets_.size() && t < options_.size(); ++t) {
     targets_[t].tracked = {options_[t].radius_m, cameras_.size()};
     targets_[t].is_unsure = {};
@@ -203,6 +234,7 @@ std::vector<std::string> ObjectReport::all(std::string Finding::*which) const {
     std::ranges::for_each(target.clutter, add);
     std::ranges::for_each(target.other_colors, add);
     add(target.extra_object);
+    add(target.shared_place);
   }
   return sentences;
 }

@@ -1,5 +1,5 @@
 // The output that reports objects that appear and end (targets with `count`), one object too many, static clutter of a
-// target's colour, and remote cameras that match other colours than a target's.
+// target's colour, two targets on one object, and remote cameras that match other colours than a target's.
 #pragma once
 
 #include <cstdint>
@@ -7,6 +7,7 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "pipeline/output.h"
@@ -41,6 +42,7 @@ class ObjectReport final : public pipeline::Output {
     std::map<std::uint32_t, Object> objects = {};  // alive, by number
     std::vector<Finding> clutter = {};             // per camera of the rig
     Finding extra_object = {};
+    Finding shared_place = {};                  // with a later target
     std::optional<double> shown_radius_m = {};  // the tracking thread's; ObjectTracker's
     TrackedSets tracked;                        // of the window that goes on; a changed target begins one
     Finding is_unsure = {};
@@ -53,12 +55,15 @@ class ObjectReport final : public pipeline::Output {
   void check_radius(const pipeline::TrackedSet& set);
   void check_extra_objects(const pipeline::TrackedSet& set);
   void check_other_colors(const pipeline::TrackedSet& set);
+  void check_shared_places(const pipeline::TrackedSet& set);
   void check_certainty(const pipeline::TrackedSet& set);
   bool may_log(capture::Timestamp at);
   std::vector<std::string> all(std::string Finding::*which) const;
 
   const std::vector<std::string> cameras_;
-  std::vector<Target> targets_;      // the tracking thread's; all but `objects` guarded by mutex_
+  std::vector<Target> targets_;  // the tracking thread's; all but `objects` guarded by mutex_
+  // Consecutive sets in which two targets are tracked at one place. guarded by mutex_
+  std::map<std::pair<std::size_t, std::size_t>, std::uint64_t> together_;
   std::uint64_t sets_ = 0;           // the tracking thread's
   capture::Timestamp log_since_{};   // the tracking thread's
   int logged_ = 0, suppressed_ = 0;  // the tracking thread's; since log_since_
@@ -76,5 +81,8 @@ std::string other_colors_text(const std::string& camera, const std::string& targ
 
 // "ball: something else has its colour and its size, at 0.31, 0.12, 1.10 m: ...".
 std::string extra_object_text(const object_tracking::TargetOptions& target, const Eigen::Vector3d& at);
+
+// "lime and green are tracked at the same place: ...".
+std::string shared_place_text(const std::string& target, const std::string& other);
 
 }  // namespace huetrack::reports

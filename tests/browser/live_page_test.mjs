@@ -126,7 +126,7 @@ async function test() {
     `  lime: {radius_m: 0.04, color: {hue_deg: [65, 115]}}\nobject_tracking: {volume: {min: [-1, -1, 0.1], max: [1, 1, 2.1]}}\n${bus}`);
   // Again and again, until the page has shown enough of it: on a busy machine it shows few positions a second.
   const replay = start(options.huetrackd, "replay", config, occlusion, "--speed", "real", "--loop", "--wait-for-subscriber", "10");
-  await until("the page is live", async () => (await link()) === "Live");
+  await until("the page is live", async () => (await link()) === "Replay");
   await until("three cameras show pictures", () =>
     page.evaluate(() => {
       const canvases = [...document.querySelectorAll("#cameras canvas")];
@@ -198,12 +198,12 @@ async function test() {
   const hold = () => start(options.huetrackd, "replay", teachable, twoCams, "--speed", "real", "--hold",
     "--tracks", join(folder, "tracks.csv"));
   const killed = hold();
-  await until("the page is live again", async () => (await link()) === "Live");
+  await until("the page is live again", async () => (await link()) === "Replay");
   killed.child.kill("SIGKILL");
   await killed.ended;
   await until("the page sees that it was killed", async () => (await link()) === "No service");
   const daemon = hold();
-  await until("the page has recovered", async () => (await link()) === "Live");
+  await until("the page has recovered", async () => (await link()) === "Replay");
   daemon.child.kill("SIGHUP");
   await until("a replay reads its configuration again", () => /reloaded .*teach.yaml/.test(daemon.err));
   say("killed and restarted: the page has recovered");
@@ -298,7 +298,7 @@ async function test() {
   await phone.goto(address);
   await until("the phone has the status", async () => (await phone.textContent("#link")) !== "Connecting");
   const again = start(options.huetrackd, "replay", config, occlusion, "--speed", "real", "--wait-for-subscriber", "10");
-  await until("the phone is live", async () => (await phone.textContent("#link")) === "Live");
+  await until("the phone is live", async () => (await phone.textContent("#link")) === "Replay");
   await sleep(2500);
   await phone.screenshot({ path: join(options.out, "phone_dark.png"), fullPage: true });
   assert.deepEqual(await phone.evaluate(faintTexts), []);

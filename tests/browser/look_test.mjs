@@ -349,8 +349,8 @@ async function notices(address) {
     ...["cam0", "cam1"].map((name) => `camera ${name}: its time stamps are arrival times, and its latency is unknown: measure it with huetrack-calibrate time, or set latency_offset_s`),
     "camera cam1: the whole picture becomes 9 % brighter or darker within seconds: automatic exposure is on, or the light changes: set controls: {auto_exposure: 1, exposure_time_absolute: 100, gain: ...} (1: manual), and exposure_dynamic_framerate: 0",
     "target navy is not found: no view shows its colour",
-    "the times of cam1's pictures vary by 9 ms (1 sigma), but the path of lime is smooth at even ones: they are those at which the pictures arrived: in a recording give fps (about 30) instead of timestamps; live, use a camera whose driver stamps its frames",
-    "lime in cam1: the colour has become paler than it was taught (saturation 0.53), 0.23 before the end of its range: fix white balance and exposure, teach it again, or set color: {adapt: true}")), 500);
+    "the times of cam1's pictures vary by 9 ms (1 sigma), but the path of lime is smooth at even ones: they are those at which the pictures arrived: use a camera whose driver stamps its frames",
+    "lime in cam1: the colour is paler than the configured one (saturation 0.53), 0.23 before the end of its range: fix white balance and exposure, teach it, or set color: {adapt: true}")), 500);
   const { page, problems } = await visit(address);
   const lines = () => page.locator("#warnings li").evaluateAll((all) => all.map((e) => e.innerText.replace(/\s+/g, " ").trim()));
   await until("three lines, and more", async () => (await lines()).length === 3 && (await page.textContent("#warnings-more")) === "3 more");
@@ -377,7 +377,7 @@ async function notices(address) {
   // A camera without pictures comes first; live cameras have no file of times.
   const gone = setInterval(() => status(sizes, (s) => {
     Object.assign(s.cameras[1], { health: "absent", message: "unplugged", rate_hz: 0 });
-    s.warnings.push("the time stamps of cam0 and cam1 are wrong by up to 0.50 s, by varying amounts, as the motion of lime shows: frames were dropped and not counted, videos did not start together, or a network delays them: give every frame its own time (recording.yaml: timestamps), or use cameras whose driver stamps the frames");
+    s.warnings.push("the time stamps of cam0 and cam1 are wrong by up to 0.50 s, by varying amounts, as the motion of lime shows: frames were dropped and not counted, or a network delays them: use cameras whose driver stamps the frames, or record, and give every frame its own time");
   }), 500);
   await until("the missing camera, first", async () => /^cam1 delivers no pictures: unplugged Health…$/.test((await lines())[0]));
   assert.match((await lines())[1], /^cam0, cam1: time stamps are wrong by up to 0.50 s.*Measure by waving…$/);
@@ -445,7 +445,7 @@ async function teaching(address) {
         s.warnings = [
           ...["1.3 % of the picture has the colour of lime and never moves, most of it around 384, 302 (from 360, 232 to 415, 383)", "4.3 % of the picture has the colour of lime and never moves, most of it around 80, 35 (from 60, 23 to 105, 83)"]
             .map((text, i) => `cam${i + 1}: ${text}: it is ignored as long as it looks the same; an object in front of it is seen where it looks different: narrow the colour, or cover it`),
-          "lime in cam1: the colour has moved by 9 degrees since it was taught, 13 degrees before the end of its range: fix white balance and exposure, teach it again, or set color: {adapt: true}",
+          "lime in cam1: the colour differs by 9 degrees from the configured one, 13 degrees before the end of its range: fix white balance and exposure, teach it, or set color: {adapt: true}",
           "the latency is not known yet of cam1 (+- 13 ms): positions of moving objects are less certain until it is estimated from their motion: keep moving the object"];
       });
       position("lime", now());

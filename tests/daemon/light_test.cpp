@@ -124,14 +124,14 @@ TEST(ColorWarning, NamesDirectionAndMargin) {
   health.seen = object_trackers::SeenColor{{12.4, 0.35, 0.2}, {}, {}};
   health.near_end = object_trackers::NearEnd{object_trackers::ColorAxis::hue, true, 3.2};
   EXPECT_EQ(reports::color_warning(ball, "cam1", health, false),
-            "ball in cam1: the colour has moved by 12 degrees since it was taught, 3 degrees before the end of its "
+            "ball in cam1: the colour differs by 12 degrees from the configured one, 3 degrees before the end of its "
             "range: fix "
-            "white balance and exposure, teach it again, or set color: {adapt: true}");
+            "white balance and exposure, teach it, or set color: {adapt: true}");
   EXPECT_THAT(reports::color_warning(ball, "cam1", health, true),
-              testing::EndsWith("end of its range: teach it again, or set color: {adapt: true}"));
+              testing::EndsWith("end of its range: teach it, or set color: {adapt: true}"));
   health.near_end = object_trackers::NearEnd{object_trackers::ColorAxis::intensity, false, 0.04};
   EXPECT_THAT(reports::color_warning(ball, "cam1", health, false),
-              HasSubstr("darker than it was taught (intensity 0.20)"));
+              HasSubstr("darker than the configured one (intensity 0.20)"));
   health.near_end = object_trackers::NearEnd{object_trackers::ColorAxis::saturation, false, -0.04};
   EXPECT_THAT(reports::color_warning(ball, "cam1", health, false), HasSubstr("0.04 beyond its range"));
   ball.adapts_color = true;
@@ -179,8 +179,8 @@ TEST_F(WanderingReplay, WarnsAndKeepsTrackingIfItAdapts) {
   film();
   const ReplaySummary plain = play("false"), adapted = play("true");
   EXPECT_GT(plain.targets[0].sets.count(TrackState::lost), 0u);
-  EXPECT_THAT(plain.light, Contains(AllOf(HasSubstr("lime in cam1: the colour has moved by"),
-                                          HasSubstr("degrees since it was taught"), HasSubstr("adapt: true"))));
+  EXPECT_THAT(plain.light, Contains(AllOf(HasSubstr("lime in cam1: the colour differs by"),
+                                          HasSubstr("degrees from the configured one"), HasSubstr("adapt: true"))));
   EXPECT_THAT(to_text(plain, {}), HasSubstr("  light   from "));
   EXPECT_TRUE(has_trouble(plain));
   EXPECT_FALSE(has_trouble(adapted));

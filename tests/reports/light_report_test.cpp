@@ -3,8 +3,12 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <spdlog/sinks/ostream_sink.h>
+#include <spdlog/spdlog.h>
 
 #include <cmath>
+#include <memory>
+#include <sstream>
 
 #include "capture/frames/pixel_format.h"
 #include "reports/light_words.h"
@@ -21,13 +25,14 @@ using testing::Not;
 using testing::StartsWith;
 
 // A picture whose brightness swings slowly, as by an automatic exposure.
-void show(LightReport& report) {
+void show(LightReport& report, int camera = 0) {
   for (int k = 0; k < 300; ++k) {
     capture::WritableImage image = capture::make_image(capture::PixelFormat::grey, capture::ColorRange::full, 64, 48);
     const double seconds = k / 30.0;
     for (int i = 0; i < 64 * 48; ++i)
       image.data[0][i] = std::uint8_t(std::lround((80.0 + i % 50) * (1 + 0.2 * std::sin(2 * seconds))));
     capture::Frame frame;
+    frame.camera = camera;
     frame.captured_at = capture::Timestamp(capture::duration_of(100 + seconds));
     frame.pixels = image.image;
     report.on_frame(frame, frame.captured_at);
@@ -45,6 +50,22 @@ TEST(LightReport, WarnsOnlyWhereACameraCanBeAdjusted) {
   EXPECT_THAT(recorded.warnings(), IsEmpty());
   EXPECT_EQ(recorded.summary(), live.summary());
   EXPECT_THAT(recorded.summary(), ElementsAre(HasSubstr("automatic exposure or changing light in left")));
+}
+
+TEST(LightReport, EachKindIsLoggedForTheFirstCameraOnly) {
+  config::ServiceConfig config;
+  config.rig.cameras.resize(2);
+  config.rig.cameras[0].name = "left", config.rig.cameras[1].name = "right";
+  std::ostringstream log;
+  const auto before = spdlog::default_logger();
+  spdlog::set_default_logger(
+      std::make_shared<spdlog::logger>("test", std::make_shared<spdlog::sinks::ostream_sink_st>(log)));
+  LightReport report(config, false);
+  for (const int camera : {0, 1}) show(report, camera);
+  spdlog::set_default_logger(before);
+  EXPECT_THAT(log.str(), AllOf(HasSubstr("camera left: the whole picture becomes"), Not(HasSubstr("right"))));
+  EXPECT_THAT(report.warnings(), ElementsAre(HasSubstr("camera left:"), HasSubstr("camera right:")));
+  EXPECT_THAT(report.summary(), ElementsAre(HasSubstr("in left, right")));
 }
 
 // The configuration refuses `controls` for a network camera.

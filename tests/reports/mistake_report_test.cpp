@@ -34,7 +34,7 @@ class MistakeReportOfLime : public testing::Test {
     return config;
   }
   const config::ServiceConfig config = of_lime();
-  MistakeReport report{config};
+  MistakeReport report{config, true};
 };
 
 TEST_F(MistakeReportOfLime, ACorrectedMistakeStaysInTheSummary) {
@@ -47,7 +47,7 @@ TEST_F(MistakeReportOfLime, ACorrectedMistakeStaysInTheSummary) {
 
 TEST_F(MistakeReportOfLime, LatenessIsComparedWithTheCamerasFrames) {
   for (const auto& [size_s, is_one_frame] : {std::pair{-0.033, true}, {0.066, false}}) {
-    MistakeReport report{config};
+    MistakeReport report{config, true};
     for (int k = 0; k < 10; ++k) {
       capture::FrameSet frames;
       frames.at = capture::Timestamp(capture::duration_of(k / 30.));

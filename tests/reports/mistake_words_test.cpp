@@ -10,12 +10,12 @@ using testing::HasSubstr;
 using view_watch::Mistake;
 using view_watch::MistakeKind;
 
-std::string text(const Mistake& mistake) {
+std::string text(const Mistake& mistake, bool is_recorded = true) {
   object_tracking::TargetOptions target;
   target.name = "orange";
   target.radius_m = 0.04;
   target.color.hue_min_deg = 10, target.color.hue_max_deg = 22;
-  return mistake_text(mistake, target, {"left", "right", "top"});
+  return mistake_text(mistake, target, {"left", "right", "top", "back"}, is_recorded);
 }
 
 TEST(MistakeWords, NameCameraSizeAndRemedy) {
@@ -55,6 +55,7 @@ TEST(MistakeWords, NameCameraSizeAndRemedy) {
   EXPECT_THAT(text({MistakeKind::uneven_times, {0, 2}, 0.067, 9}),
               AllOf(HasSubstr("the time stamps of left and top are wrong"), HasSubstr("by up to 0.07 s"),
                     HasSubstr("timestamps")));
+  EXPECT_THAT(text({MistakeKind::uneven_times, {0, 2, 3}, 0.067, 9}), HasSubstr("of left, top and back are wrong"));
   // An estimate that diverged is no error that was measured.
   EXPECT_THAT(text({MistakeKind::uneven_times, {1}, 12.605, 9}),
               AllOf(HasSubstr("the time stamps of right are wrong, by varying amounts"),
@@ -67,9 +68,8 @@ TEST(MistakeWords, NameCameraSizeAndRemedy) {
               AllOf(HasSubstr("repeatedly"), HasSubstr("every: 2")));
   EXPECT_THAT(text({MistakeKind::exchanged, {1}, 0.03}),
               AllOf(HasSubstr("every two pictures of right"), HasSubstr("field")));
-  EXPECT_THAT(
-      text({.kind = MistakeKind::delayed, .cameras = {1}, .size = 0.0087, .shown_hz = 29.97}),
-      AllOf(HasSubstr("right's pictures vary by 9 ms"), HasSubstr("fps (about 30)"), HasSubstr("live, use a camera")));
+  EXPECT_THAT(text({.kind = MistakeKind::delayed, .cameras = {1}, .size = 0.0087, .shown_hz = 29.97}),
+              AllOf(HasSubstr("right's pictures vary by 9 ms"), HasSubstr("give fps (about 30)")));
   EXPECT_THAT(text({MistakeKind::contradiction, {}, 0, 9}),
               AllOf(HasSubstr("up to 9 px apart"), HasSubstr("calibrate again")));
   EXPECT_THAT(text({MistakeKind::other_rig, {}, 0, 80}), HasSubstr("another room"));
@@ -77,6 +77,26 @@ TEST(MistakeWords, NameCameraSizeAndRemedy) {
               HasSubstr("the pictures of orange show a radius of 0.025 to 0.031 m, not 0.04: measure it, and correct"));
   EXPECT_THAT(text({MistakeKind::shared_color, {2}, 0.12, 0}),
               HasSubstr("the colour of orange covers 12 % of top's picture"));
+}
+
+// Nothing of a live camera is a file.
+TEST(MistakeWords, AdviceForLiveCamerasIsAboutCameras) {
+  const std::vector<Mistake> all{
+      {MistakeKind::swapped, {0, 2}, 0, 24},
+      {.kind = MistakeKind::late, .cameras = {0, 1}, .size = 0.031, .off_px = 2, .shown_hz = 30},
+      {MistakeKind::uneven_times, {0, 2}, 0.067, 9},
+      {MistakeKind::upside_down, {1}, 0, 30},
+      {.kind = MistakeKind::wrong_order, .size = 0.4, .jumps = 5},
+      {.kind = MistakeKind::converted, .cameras = {1}, .size = 0.01, .shown_hz = 60, .source_hz = 30.2},
+      {.kind = MistakeKind::converted, .cameras = {1}, .size = 0.01, .shown_hz = 25, .source_hz = 30.1},
+      {MistakeKind::exchanged, {1}, 0.03},
+      {.kind = MistakeKind::delayed, .cameras = {1}, .size = 0.0087, .shown_hz = 29.97}};
+  for (const Mistake& mistake : all) {
+    const auto about_files = testing::ContainsRegex(
+        "videos|the film again|give the film|recording.yaml|names of image files|ffmpeg|a row too many|give fps");
+    EXPECT_THAT(text(mistake), about_files);
+    EXPECT_THAT(text(mistake, false), testing::Not(about_files));
+  }
 }
 
 }  // namespace

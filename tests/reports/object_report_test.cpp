@@ -65,5 +65,37 @@ TEST(ObjectReport, WarnsOfATargetWhoseSigmaExceedsItsRadius) {
   EXPECT_THAT(report.warnings(), testing::IsEmpty());
 }
 
+TEST(ObjectReport, NamesTwoTargetsOnOneObject) {
+  config::ServiceConfig config;
+  config.rig = scene::lime_that_flies().rig;
+  config.targets = {scene::lime(), scene::lime()};
+  config.targets[1].name = "green";
+  ObjectReport report(config);
+  const auto see = [&](int sets, double apart_m) {
+    std::vector<object_tracking::ObjectEstimate> estimates(2);
+    for (auto& estimate : estimates) estimate.state = object_tracking::TrackState::tracking;
+    estimates[1].target = 1;
+    estimates[1].position.x() += apart_m;
+    for (int k = 0; k < sets; ++k) {
+      capture::FrameSet frames;
+      report.on_set({.frames = frames,
+                     .estimates = estimates,
+                     .received_at = {},
+                     .trackers = {},
+                     .calibration = {},
+                     .mistakes = {}});
+    }
+  };
+  const double radius_m = config.targets[0].radius_m;
+  for (int k = 0; k < 5; ++k) see(30, 0.5 * radius_m), see(1, 2 * radius_m);  // they pass one another
+  EXPECT_THAT(report.warnings(), testing::IsEmpty());
+  see(100, 0.5 * radius_m);
+  const auto is_named = testing::ElementsAre(HasSubstr("lime and green are tracked at the same place: one object"));
+  EXPECT_THAT(report.warnings(), is_named);
+  see(1, 2 * radius_m);
+  EXPECT_THAT(report.warnings(), testing::IsEmpty());
+  EXPECT_THAT(report.summary(), is_named);
+}
+
 }  // namespace
 }  // namespace huetrack::reports

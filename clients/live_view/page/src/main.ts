@@ -397,7 +397,7 @@ function tick(): void {
   const isStuck = serving && !justBegun && status!.mode === "run" && status!.set_rate_hz < 0.05;
   const connecting = isConnecting();
   link.dataset.link = connecting ? "warn" : !store.connected ? "bad" : serving && !isStuck ? "good" : "warn";
-  write(link, connecting ? "Connecting" : !store.connected ? "No bridge" : serving ? (status!.mode === "run" && isRecorded() ? "Playing" : "Live") : "No service");
+  write(link, connecting ? "Connecting" : !store.connected ? "No bridge" : serving ? (status!.mode !== "run" ? "Replay" : isRecorded() ? "Playing" : "Live") : "No service");
   const service = connecting
     ? ""
     : !store.connected

@@ -48,8 +48,8 @@ const kinds: (Kind & { family?: string })[] = [
   { is: /^target \S+ has no colour yet/, level: "warn", says: "no colour yet", act: teach },
   { is: /is not found: /, level: "warn", act: teach },
   { is: /the latency is not known yet/, level: "info", act: calibrate("wave") },
-  { is: /colour has (moved|become)/, level: "warn", act: teach },
-  { is: /overlapping colours/, level: "warn", act: adjust },
+  { is: /colour (differs|is \S+ than the configured)/, level: "warn", act: teach },
+  { is: /overlapping colours|tracked at the same place/, level: "warn", act: adjust },
   { is: /correct radius_m/, level: "warn", act: adjust },
   { is: /of the picture has the colour of (\S+) and never moves/, level: "info", says: "a part of the picture has the colour of {} and never moves: it is ignored as long as it looks the same; narrow the colour, or cover it", act: adjust },
   { is: /something else has its colour|more objects than|narrow the colour/, level: "info", act: adjust },
@@ -75,11 +75,9 @@ const elsewhere: [RegExp, string][] = [
   [/\. Set \w+ under cameras\.\S+/, ""],
 ];
 const live: [RegExp, string][] = [
-  [/ in a recording give fps \(about [\d.]+\) instead of timestamps; live,/, ""],
-  [/: frames were dropped and not counted, videos did not start together.*$/, ": pictures are delayed or dropped on their way: measure their latency by waving, or use cameras that stamp their pictures"],
+  [/: frames were dropped and not counted, or a network delays them.*$/, ": pictures are delayed or dropped on their way: measure their latency by waving, or use cameras that stamp their pictures"],
 ];
 const inReplay: [RegExp, string][] = [
-  [/; live, use a camera whose driver stamps its frames/, ""],
   [/ \(recording\.yaml: timestamps\), or use cameras whose driver stamps the frames/, ""],
   [/ until it is estimated from their motion: keep moving the object/, " until the object has moved for some seconds"],
 ];

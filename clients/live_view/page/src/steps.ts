@@ -115,16 +115,17 @@ function color(): Step {
   if (!scene.targets.length) return { title, isDone: false, says: "No target yet. What is its name, and what is its radius?", buttons: [["Add a target…", openTargets]] };
   if (!missing.length) return { title, isDone: true, says: `${join(scene.targets.map((t) => t.name))}: known.` };
   if (!scene.may_teach) return { title, isDone: false, says: `${join(missing)}: no colour is configured. ${scene.why_not}` };
-  return { title, isDone: false, says: `What colour is ${missing[0]}? Click on it in one picture, and confirm it in the others.`, buttons: [[`Teach ${missing[0]}…`, () => openTeaching(missing[0])]] };
+  return { title, isDone: false, says: `What colour is ${missing[0]}? Click on it in ${scene.cameras.length === 1 ? "the picture" : "one picture, and confirm it in the others"}.`, buttons: [[`Teach ${missing[0]}…`, () => openTeaching(missing[0])]] };
 }
 
 function track(): Step {
   const title = "Track";
+  const isAlone = store.scene!.cameras.length === 1;
   const found = [...store.targets.values()].filter((t) => t.latest.state === "tracking");
   const sure = found.filter((t) => (t.history.at(-1)?.sigma ?? NaN) < goodSigma);
   if (sure.length) return { title, isDone: true, says: sure.map((t) => `${t.name} is tracked, ± ${(1000 * t.history.at(-1)!.sigma).toFixed(1)} mm.`).join(" ") };
   const why = store.status!.warnings.find((w) => /^target /.test(w));
-  return { title, isDone: false, says: found.length ? "It is tracked, but not certain yet: let two cameras see it." : `Hold the object where two cameras see it. ${why ? `Now: ${why}.` : ""}` };
+  return { title, isDone: false, says: found.length ? `It is tracked, but not certain yet${isAlone ? "" : ": let two cameras see it"}.` : `Hold the object where ${isAlone ? "the camera sees" : "two cameras see"} it. ${why ? `Now: ${why}.` : ""}` };
 }
 
 let isAuto = false; // opened by the page, which closes it once something is tracked
