@@ -36,6 +36,9 @@ struct ColorTrial {
   };
   std::optional<Distance> at_point;
 
+  // 1/m: the higher, the better the range: tracked more often, or with a smaller sigma.
+  double precision() const { return sigma_m > 0 ? double(tracking) / sigma_m : 0; }
+
   bool is_found() const { return at_point && at_point->px <= at_point->limit_px; }
 };
 

@@ -86,40 +86,44 @@ void TriedTeaching::try_it(TriedLesson& tried, const std::stop_token& stop) cons
 bool TriedTeaching::passes(TriedLesson& tried, const std::stop_token& stop) const {
   try_it(tried, stop);
   const std::string other = other_reason(tried.lesson, camera(), seen_.point.px, config_.object_tracking.volume);
-  const bool is_by_width = other.empty() && command_.wider == 0 && !is_elsewhere(tried.trial, tried.lesson);
-  const bool is_tried_again = !tried.is_found() && is_by_width;
-  if (is_tried_again) {
+  const bool depends_on_width = other.empty() && command_.wider == 0 && !is_elsewhere(tried.trial, tried.lesson);
+  if (depends_on_width) {
     fmt::print("With the learnt colour, {}: narrower and wider ranges are tried\n", words(tried));
-    if (auto better = other_width(tried, stop)) tried = std::move(*better);
+    tried = best_width(std::move(tried), stop);
   }
   if (tried.holds() || (command_.force && !command_.accept)) {
     fmt::print("{} the learnt colour, {}\n", tried.is_found() ? "With" : "Warning: with", words(tried));
     return true;
   }
   fmt::print(stderr, "huetrackd: nothing is saved: with the learnt colour, {}{}: {}{}\n", words(tried),
-             is_tried_again ? ", nor with narrower or wider ranges" : "",
+             depends_on_width ? ", nor with narrower or wider ranges" : "",
              other.empty() ? what_to_try(tried.lesson, tried.trial, is_sized()) : other,
              command_.accept ? "" : "; --force saves it nevertheless");
   return false;
 }
 
-std::optional<TriedLesson> TriedTeaching::other_width(const TriedLesson& first, const std::stop_token& stop) const {
-  const int learnt_with = first.lesson.narrowed_to.value_or(0);
-  for (const int step : {-1, 1, -2, 2, -3, 3}) {
-    const int wider = learnt_with + step;
-    if (stop.stop_requested() || wider == 0) continue;  // 0: narrowed once more
-    color_teaching::Lesson lesson = learn(wider);
-    const bool is_useless = !lesson.why_useless.empty() || lesson.unconfirmed.size() > first.lesson.unconfirmed.size();
-    if (is_useless || (command_.radius && !lesson.radius.radius_m)) continue;
-    TriedLesson next = untried(std::move(lesson));
-    try_it(next, stop);
-    fmt::print("  --wider {}: {}\n", wider, words(next));
-    if (next.is_found()) {
-      fmt::print("So the ranges of --wider {} are used\n", wider);
-      return next;
+TriedLesson TriedTeaching::best_width(TriedLesson best, const std::stop_token& stop) const {
+  constexpr int furthest = 3;  // steps; further away the range is another colour's
+  const int learnt_with = best.lesson.narrowed_to.value_or(0);
+  const std::size_t open = best.lesson.unconfirmed.size();
+  std::optional<int> used;
+  for (const int direction : {-1, 1}) {
+    for (int step = 1; step <= furthest && !stop.stop_requested(); ++step) {
+      const int wider = learnt_with + step * direction;
+      if (wider == 0) continue;  // 0: narrowed once more
+      color_teaching::Lesson lesson = learn(wider);
+      const bool is_useless = !lesson.why_useless.empty() || lesson.unconfirmed.size() > open;
+      if (is_useless || (command_.radius && !lesson.radius.radius_m)) break;
+      TriedLesson next = untried(std::move(lesson));
+      try_it(next, stop);
+      fmt::print("  --wider {}: {}\n", wider, words(next));
+      const bool is_better = next.precision() > best.precision();
+      if (!is_better && best.is_found()) break;
+      if (is_better) best = std::move(next), used = wider;
     }
   }
-  return std::nullopt;
+  if (used) fmt::print("So the ranges of --wider {} are used\n", *used);
+  return best;
 }
 
 }  // namespace huetrack::page

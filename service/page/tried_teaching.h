@@ -18,6 +18,7 @@ struct TriedLesson {
   ColorTrial trial = {};
 
   bool is_found() const { return trial.is_sure && trial.is_found(); }
+  double precision() const { return is_found() ? trial.precision() : 0; }
   // Suggestions in other views are unconfirmed with --accept: then the object must be tracked at the point. If all
   // views were clicked, a track elsewhere is only a warning.
   bool holds() const { return is_found() || (trial.is_sure && lesson.accepted.empty()); }
@@ -37,8 +38,8 @@ class TriedTeaching {
   // With the radius that would be written. throws std::runtime_error: --radius, but none was measured
   TriedLesson untried(color_teaching::Lesson lesson) const;
 
-  // Prints the trial's result, and returns whether the lesson may be saved. Where the object is not found,
-  // narrower and wider ranges are tried, and the first with which it is replaces the lesson.
+  // Prints the trials' results, and returns whether the lesson may be saved. Narrower and wider ranges are tried as
+  // well, and the best replaces the lesson.
   bool passes(TriedLesson& tried, const std::stop_token& stop) const;
 
  private:
@@ -46,8 +47,8 @@ class TriedTeaching {
   const calib::Camera& camera() const { return config_.rig.cameras[std::size_t(seen_.point.camera)]; }
   std::string words(const TriedLesson& tried) const { return words_of(tried.trial, camera().name); }
   void try_it(TriedLesson& tried, const std::stop_token& stop) const;
-  // The first width whose trial finds the object, the least change first; nullopt: none.
-  std::optional<TriedLesson> other_width(const TriedLesson& first, const std::stop_token& stop) const;
+  // The width with the highest precision, step by step from the given one as long as it rises.
+  TriedLesson best_width(TriedLesson best, const std::stop_token& stop) const;
 
   const TeachCommand& command_;
   const config::ServiceConfig& config_;
