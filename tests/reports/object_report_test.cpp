@@ -74,8 +74,8 @@ TEST(ObjectReport, NamesTwoTargetsOnOneObject) {
   const auto see = [&](int sets, double apart_m) {
     std::vector<object_tracking::ObjectEstimate> estimates(2);
     for (auto& estimate : estimates) estimate.state = object_tracking::TrackState::tracking;
+    estimates[0].position = {0, 0, 1}, estimates[1].position = {apart_m, 0, 1};
     estimates[1].target = 1;
-    estimates[1].position.x() += apart_m;
     for (int k = 0; k < sets; ++k) {
       capture::FrameSet frames;
       report.on_set({.frames = frames,
