@@ -7,6 +7,8 @@
 #include <numbers>
 #include <utility>
 
+#include "object_tracking/sighting.h"
+
 namespace huetrack::object_tracking {
 namespace {
 
@@ -14,20 +16,23 @@ constexpr double quantile = 0.75;            // maths: of the window; the one be
 constexpr double chi_square_there = 1.3233;  // maths: 75 % quantile of chi-square with 1 dof
 
 struct EpipolarConsistencyTuning {
-  double consistent_scale2 = 4;  // variance ratio up to which a pair is consistent: rig, shading, seams (experiment)
-  double noise_scale2 = 2;       // variance ratio up to which a pair shows noise alone (experiment)
-  double gross_scale2 = 25;      // variance ratio above what occlusion or adhering colour causes (experiment)
-  double gross_nis = 12;         // 1 dof, 3.5 sigma: two such residuals in a row count at once
-  double rise_share = 1.0 / 30;  // of an excess that a residual adds to the lasting one: about 1 s at 30 fps
+  double noise_scale2 = 2;               // variance ratio up to which a pair shows noise alone (experiment)
+  double gross_scale2 = 25;              // variance ratio above what occlusion or adhering colour causes (experiment)
+  double gross_nis = 12;                 // 1 dof, 3.5 sigma: two such residuals in a row count at once
+  double rise_share = 1.0 / 30;          // of an excess that a residual adds to the lasting one: about 1 s at 30 fps
   double lasting_decay = 1 - 1.0 / 600;  // per residual, of the lasting excess: 20 s at 30 fps
-  double negligible_share = 0.25;        // of the expected variance, below which an excess is zero
   double max_raise = 3;                  // factor by which all inflations are raised at most to cover every pair
   double single_decay = 0.75;  // per frame set, of a camera's own error: a late camera's turns with the motion
   double max_along = 10;       // an error's variance over what a pair shows of it: 20 degrees off the epipolar lines
   double min_sine = 0.1;       // between two rays, below which they cannot be compared
-  double place_radii = 8;      // radii between two places at which a pair was consistent
 };
 constexpr EpipolarConsistencyTuning epipolar_consistency{};
+// Variance ratio up to which a pair is consistent: noise, and as much again by rig, shading, seams.
+constexpr double consistent_scale2 = epipolar_consistency.noise_scale2 * epipolar_consistency.noise_scale2;
+// Of the expected variance, below which an excess is zero.
+constexpr double negligible_share = 1 / consistent_scale2;
+// Radii between two places at which a pair was consistent: regions of one object do not reach from one to the other.
+constexpr double place_radii = 2 * sighting_tuning.extent_radii;
 constexpr double mean_share = 2.0 / pair_history.kept;  // of a new residual in running means, as old as the window
 
 constexpr int least_squares_steps = 40;  // capacity: multiplicative updates
@@ -133,7 +138,7 @@ void EpipolarConsistency::note(Pair& p, const EpipolarResidual& seen) {
   p.share_i += share * (seen.share_i - p.share_i);
   p.share_j += share * (seen.share_j - p.share_j);
   p.scale2 = scale2_of(p);
-  double excess_px2 = p.scale2 > epipolar_consistency.consistent_scale2 ? (p.scale2 - 1) * p.expected_px2 : 0;
+  double excess_px2 = p.scale2 > consistent_scale2 ? (p.scale2 - 1) * p.expected_px2 : 0;
   // Only once the quantile is in use: two wrong regions are 100 px off and would last for 20 s.
   const double rise = p.count >= pair_history.min_residuals && excess_px2 > p.lasting_px2
                           ? epipolar_consistency.rise_share * (excess_px2 - p.lasting_px2)
@@ -146,13 +151,13 @@ void EpipolarConsistency::note(Pair& p, const EpipolarResidual& seen) {
     if (of_both > epipolar_consistency.gross_nis) excess_px2 = std::max(excess_px2, of_both * p.expected_px2);
   }
   p.excess_px2 = std::max(excess_px2, p.lasting_px2);
-  if (p.excess_px2 < epipolar_consistency.negligible_share * p.expected_px2) p.excess_px2 = 0;
+  if (p.excess_px2 < negligible_share * p.expected_px2) p.excess_px2 = 0;
 }
 
 // Wrong views are consistent along their epipolar lines: at one place by chance, but hardly at another.
 void EpipolarConsistency::note_place(Pair& p, const EpipolarResidual& seen, const PathResidual& i,
                                      const PathResidual& j) const {
-  if (p.scale2 > epipolar_consistency.consistent_scale2) {
+  if (p.scale2 > consistent_scale2) {
     p.place_count = 0;
     return;
   }
@@ -165,7 +170,7 @@ void EpipolarConsistency::note_place(Pair& p, const EpipolarResidual& seen, cons
   const Eigen::Vector4d place(i.px.x(), i.px.y(), j.px.x(), j.px.y());
   const auto is_near = [&](const Eigen::Vector4d& other) {
     const Eigen::Vector4d path = other - place;
-    return std::max(path.head<2>().norm() / ri_px, path.tail<2>().norm() / rj_px) < epipolar_consistency.place_radii;
+    return std::max(path.head<2>().norm() / ri_px, path.tail<2>().norm() / rj_px) < place_radii;
   };
   if (std::none_of(p.places, p.places + p.place_count, is_near)) p.places[p.place_count++] = place;
   if (!p.is_sure()) return;
@@ -217,7 +222,7 @@ bool EpipolarConsistency::explain_by_one() {
 }
 
 bool EpipolarConsistency::Pair::is_consistent() const {
-  return excess_px2 <= (epipolar_consistency.consistent_scale2 - 1) * expected_px2;
+  return excess_px2 <= (consistent_scale2 - 1) * expected_px2;
 }
 
 // Each by its pairs without that camera, or, if it has none, by its pair with it.
@@ -252,7 +257,7 @@ void EpipolarConsistency::inflate_all() {
 double EpipolarConsistency::error_px2(std::size_t camera, double usual_px2) const {
   if (!(usual_px2 > 0)) return 0;
   // Biases of a consistent pair persist over residuals: these count as one.
-  constexpr double as_one = (1 - epipolar_consistency.single_decay) / epipolar_consistency.consistent_scale2;
+  constexpr double as_one = (1 - epipolar_consistency.single_decay) / consistent_scale2;
   const Alone& alone = alone_[camera];
   const Eigen::Matrix2d information =
       as_one * alone.information + Eigen::Matrix2d::Identity() / (epipolar_consistency.max_along * usual_px2);
@@ -310,7 +315,7 @@ void EpipolarConsistency::for_each_pair(F&& each) const {
 double EpipolarConsistency::noise_scale2() const {
   double sum = 0, pairs = 0;
   for (const Pair& p : pairs_)
-    if (p.noise_scale2 > 0) sum += std::min(p.noise_scale2, epipolar_consistency.consistent_scale2), ++pairs;
+    if (p.noise_scale2 > 0) sum += std::min(p.noise_scale2, consistent_scale2), ++pairs;
   return pairs > 0 ? std::max(1.0, sum / pairs) : 1;
 }
 

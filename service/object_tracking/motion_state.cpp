@@ -11,6 +11,7 @@
 #include <limits>
 #include <stdexcept>
 
+#include "object_tracking/sighting.h"
 #include "particle_filter/vector_clones.h"
 
 namespace huetrack::object_tracking {
@@ -19,7 +20,6 @@ namespace {
 struct MotionTuning {
   double synced_latency_sigma_s = 0.0002;      // s, cameras with one trigger: exposures are set alike
   double synced_readout_sigma_s = 0.0005;      // s, the same: mostly global shutters
-  double unstated_sigma_s = 0.002;             // s, of a latency or readout that the rig states without a sigma
   double latency_walk_s2_per_s = 1e-4 * 1e-4;  // s^2/s, exposure time follows the light: 1 ms in one or two minutes
   double bias_length_m = 0.5;    // m, correlation length of the image bias: half a metre on, the light is another
   double size_sigma = 0.02;      // of the log of the object's radius over the configured one: a millimetre of 50
@@ -34,8 +34,9 @@ constexpr Eigen::Index times_at = 7;            // layout: the readout of the re
 constexpr double least_time_variance_s2 =
     1e-16;  // maths: of times that are given exactly, so that they have an inverse
 
+// What the rig states without a sigma is right to the same moment.
 double variance_of(const std::optional<double>& value, const std::optional<double>& sigma) {
-  const double s = sigma.value_or(value ? motion_tuning.unstated_sigma_s : time_prior.unknown_sigma_s);
+  const double s = sigma.value_or(value ? sighting_tuning.same_time_s : time_prior.unknown_sigma_s);
   return s * s;
 }
 

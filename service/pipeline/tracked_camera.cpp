@@ -3,14 +3,14 @@
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
+#include "object_tracking/sighting.h"
 #include "pipeline/without_numbers.h"
 
 namespace huetrack::pipeline {
 namespace {
 
 struct TrackedCameraTuning {
-  double longest_start_s = 3;          // s; a start or a re-detection takes less
-  double max_readout_sigma_s = 0.002;  // s, 1 sigma; a tenth of a usual rolling shutter's readout
+  double longest_start_s = 3;  // s; a start or a re-detection takes less
 };
 constexpr TrackedCameraTuning tracked_camera_tuning{};
 
@@ -39,8 +39,9 @@ std::string no_pose_warning(const std::string& camera, const TrackedCameraFigure
                      figures.why.empty() ? "" : ": ", figures.why);
 }
 
+// Of a readout that is known to the same moment.
 std::string readout_text(const TrackedCameraFigures& figures) {
-  if (!(figures.readout_sigma_s < tracked_camera_tuning.max_readout_sigma_s)) return {};
+  if (!(figures.readout_sigma_s < object_tracking::sighting_tuning.same_time_s)) return {};
   return fmt::format("readout {:.1f} ms +- {:.1f}", 1e3 * figures.readout_s, 1e3 * figures.readout_sigma_s);
 }
 

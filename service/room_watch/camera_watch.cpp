@@ -74,11 +74,10 @@ constexpr std::array strong_blurs{3.0, 4.0, 5.5, 7.5};  // maths: nodes of a sea
 
 // Changes of the room. People who stand sway by some millimetres in three seconds, a quarter of a block at 4 m.
 struct RoomChangeTuning {
-  int rest_ms = 3000;         // without motion; twice as long where it is plain, as only its edges show motion
-  double rest_blocks = 0.25;  // motion up to that is none
-  double noise_sigmas = 3;    // of two measurements, added to that
-  float plain_rms = 8;        // grey levels; noise and a lamp's flicker are below
-  int min_patches = 2;        // one alone may be a screen or a leaf
+  int rest_ms = 3000;       // without motion; twice as long where it is plain, as only its edges show motion
+  double noise_sigmas = 3;  // of two measurements
+  float plain_rms = 8;      // grey levels; noise and a lamp's flicker are below
+  int min_patches = 2;      // one alone may be a screen or a leaf
 };
 constexpr RoomChangeTuning room_change{};
 
@@ -329,8 +328,9 @@ bool CameraWatch::is_same(const Replacement& then, const Luma& luma, const Eigen
                           std::span<const float> now) {
   if (then.patch) {
     const Found again = find(*then.patch, luma, centre);
+    // What two surveys of a still camera differ by, twice, as people sway by as much; and the noise of both.
     const double gate =
-        std::hypot(room_change.rest_blocks, room_change.noise_sigmas * std::numbers::sqrt2 * double(again.sigma));
+        std::hypot(2 * room_turn.repeat_blocks, room_change.noise_sigmas * std::numbers::sqrt2 * double(again.sigma));
     return again.outcome == Found::Outcome::found && (again.centre - centre).norm() < gate;
   }
   float square = 0;

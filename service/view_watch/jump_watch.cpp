@@ -14,10 +14,11 @@ struct JumpTuning {
   double times_the_speed = 5;     // of the steps before and after it; a throw, a bounce is as fast beside it
   double most_scale = 2;          // of the object in a view: half as far away; smaller ones are specks of its colour
   std::size_t longest_run = 2;    // jumps without a smooth step in between: one picture out of place
-  int least_count = 4;            // in a window: an object of the colour that appears as another leaves is rarer
   std::size_t least_cameras = 2;  // that see them
 };
 constexpr JumpTuning tuning{};
+// In a window: two such runs; an object of the colour that appears as another leaves is rarer.
+constexpr std::size_t least_count = 2 * tuning.longest_run;
 
 }  // namespace
 
@@ -64,7 +65,7 @@ void JumpWatch::look(std::span<const object_tracking::SeenRegion> regions, doubl
 }
 
 std::optional<Jumps> JumpWatch::jumps() const {
-  if (jumps_.size() < static_cast<std::size_t>(tuning.least_count)) return std::nullopt;
+  if (jumps_.size() < least_count) return std::nullopt;
   return Jumps{static_cast<int>(jumps_.size()), jumps_.back().at_s - jumps_.front().at_s,
                std::ranges::max(jumps_, {}, &Jump::size_m).size_m};
 }

@@ -10,6 +10,7 @@
 #include "calib/model/covariance_ellipse.h"
 #include "calib/model/median.h"
 #include "object_tracking/objects/search_findings.h"
+#include "object_tracking/objects/static_clutter_mask.h"
 #include "object_tracking/sighting.h"
 #include "view_watch/camera_fit.h"
 
@@ -20,13 +21,16 @@ using object_tracking::SeenRegion;
 
 // Which samples are compared.
 struct ViewSamplesTuning {
-  double max_rate_hz = 16;     // of samples; more are correlated
-  double period_s = 0.5;       // between judgements; clutter moves within it, or stays in its place for two
-  double region_noise_px = 3;  // of a region that does not move, at most; twice that is motion, four times a path
-  double swerve = 0.35;        // of its step by which one thing changes direction between samples
+  double max_rate_hz = 16;  // of samples; more are correlated
+  double swerve = 0.35;     // of its step by which one thing changes direction between samples
 };
 constexpr ViewSamplesTuning view_samples{};
-constexpr double moves_px = 2 * view_samples.region_noise_px, path_px = 2 * moves_px;
+// Between judgements; clutter moves within it, or stays in its place for two.
+constexpr double period_s = objects::clutter_history.period_s;
+// Of a region that does not move, at most.
+constexpr double region_noise_px =
+    object_tracking::sighting_tuning.prediction_sigmas * object_tracking::sighting_tuning.same_place_px;
+constexpr double moves_px = 2 * region_noise_px, path_px = 2 * moves_px;
 constexpr std::size_t most_spots = 16;              // capacity
 constexpr std::size_t most_cameras_at_a_time = 16;  // capacity: more would take too long
 constexpr double jitter = 0.9;                      // maths: of a period, so that no turn is missed
@@ -34,11 +38,8 @@ constexpr double jitter = 0.9;                      // maths: of a period, so th
 // When views are inconsistent, and when a hypothesis explains it. Good recordings have a robust cost of 0.05 to 1 and a
 // worst pair of 0.2 to 1.2 (EXPERIMENTS.md); PairComparison::Agreement has the units.
 struct ConsistencyTuning {
-  double agrees = 1.4;          // worst pair, at most, under the hypothesis
-  double much_better = 0.45;    // cost under the hypothesis in that of the rig, at most
-  double turned_score = 0.4;    // cost from which a small turn is tested, once a second
   double disagrees = 2;         // worst pair from which they are, and all hypotheses are tested
-  double contradicts = 3;       // worst pair from which it is reported without explanation; best pair, twice: other rig
+  double much_better = 0.45;    // cost under the hypothesis in that of the rig, at most
   double clearly_better = 0.8;  // cost of the best hypothesis in that of the second
   double per_parameter = 1.1;   // factor of the cost of a hypothesis
   int tries_at_once = 4;        // then the tests become rarer
@@ -46,17 +47,25 @@ struct ConsistencyTuning {
   int min_times = 2;            // a mistake was found so often before it is named; an unexplained one twice as often
 };
 constexpr ConsistencyTuning consistency{};
+// Worst pair, at most, under the hypothesis: half-way, in logarithms, from what is expected to disagreement.
+const double agrees = std::sqrt(consistency.disagrees);
+// As far beyond disagreement as that is beyond what is expected, 1. Worst pair from which it is reported without
+// explanation; best pair, twice: other rig.
+constexpr double contradicts = 2 * consistency.disagrees - 1;
+// Cost from which a small turn is tested, once a second: twice what is noise at least.
+constexpr double turned_score = 2 * pair_sampling.least_noise2;
 constexpr double forgotten_after_s = 2 * pair_sampling.window_s;  // what was found once
-constexpr double suspected_for_s = 2 * view_samples.period_s;
+constexpr double suspected_for_s = 2 * period_s;
 
 struct TimingFaultTuning {
   double min_unlearnt_s = 0.03;  // what it has not estimated: a frame at 30 Hz; twice the precision of both
-  double sure_sigmas = 4;        // of a latency, of its prior, and of a readout beyond the frame period
 };
 constexpr TimingFaultTuning timing_fault{};
+// Of a latency, of its prior, and of a readout beyond the frame period.
+const double sure_sigmas = std::sqrt(object_tracking::sighting_tuning.gate_nis);
 constexpr double usual_below_middle = 0.5 / std::numbers::sqrt3;  // maths: 1 sigma of a row anywhere in the picture
 // A stamp's error; up to that the tracker estimates latency.
-constexpr double min_late_s = timing_fault.sure_sigmas * object_tracking::time_prior.unknown_sigma_s;
+const double min_late_s = sure_sigmas * object_tracking::time_prior.unknown_sigma_s;
 constexpr double same_times_s = timing_fault.min_unlearnt_s / 2;
 constexpr double since_jump_s = pair_sampling.window_s / 2;  // compared after a jump
 
@@ -67,8 +76,7 @@ struct CameraFaultTuning {
 constexpr CameraFaultTuning camera_fault{};
 
 struct TargetFaultTuning {
-  double min_shared = 0.03;     // of a picture that has the target's colour
-  double times_the_target = 4;  // of what the target can cover
+  double min_shared = 0.03;  // of a picture that has the target's colour
 };
 constexpr TargetFaultTuning target_fault{};
 
@@ -90,8 +98,7 @@ bool is_smooth(const SeenPoint& before, const SeenPoint& at, const SeenPoint& af
   const Eigen::Vector2d in = (at.px - before.px) / (at.t_s - before.t_s);
   const Eigen::Vector2d out = (after.px - at.px) / (after.t_s - at.t_s);
   const double step_s = 0.5 * (after.t_s - before.t_s);
-  return (out - in).norm() * step_s <
-         view_samples.region_noise_px + view_samples.swerve * (out.norm() + in.norm()) * step_s;
+  return (out - in).norm() * step_s < region_noise_px + view_samples.swerve * (out.norm() + in.norm()) * step_s;
 }
 
 // Uneven times of both.
@@ -223,11 +230,10 @@ class FaultHypotheses {
   std::optional<Mistake> best() {
     if (answers_.empty()) {
       const auto other = of_other_rig();
-      return other || as_is_.worst < consistency.contradicts
-                 ? other
-                 : Mistake{.kind = MistakeKind::contradiction,
-                           .off_px = as_is_.worst_px,
-                           .do_some_agree = best_pair() < consistency.agrees};
+      return other || as_is_.worst < contradicts ? other
+                                                 : Mistake{.kind = MistakeKind::contradiction,
+                                                           .off_px = as_is_.worst_px,
+                                                           .do_some_agree = best_pair() < agrees};
     }
     std::ranges::stable_sort(answers_, {}, cost);
     join_turn_and_zoom();
@@ -291,8 +297,7 @@ class FaultHypotheses {
   }
 
   static bool explains(const PairComparison::Agreement& with, const PairComparison::Agreement& as_is) {
-    return with.pairs >= as_is.pairs && with.worst <= consistency.agrees &&
-           with.score <= consistency.much_better * as_is.score;
+    return with.pairs >= as_is.pairs && with.worst <= agrees && with.score <= consistency.much_better * as_is.score;
   }
 
   void judge(Mistake mistake, const FaultHypothesis& hypothesis, bool is_sure) {
@@ -342,7 +347,7 @@ class FaultHypotheses {
     const std::size_t n = rig_.cameras.size();
     if (as_is_.pairs < n * (n - 1) / 2) return std::nullopt;
     const double best = best_pair();
-    if (best < 2 * consistency.contradicts || best == std::numeric_limits<double>::infinity()) return std::nullopt;
+    if (best < 2 * contradicts || best == std::numeric_limits<double>::infinity()) return std::nullopt;
     return Mistake{.kind = MistakeKind::other_rig, .off_px = as_is_.worst_px};
   }
 
@@ -398,7 +403,7 @@ void ViewWatch::look(const object_tracking::ObjectEstimate& estimate, const obje
                      capture::Timestamp set_at, const std::vector<bool>& moved) {
   if (!first_at_ || set_at < *first_at_) {
     first_at_ = set_at;
-    next_s_ = view_samples.period_s;
+    next_s_ = period_s;
     for (PerCamera& camera : cameras_) camera = {};
     jumps_ = JumpWatch(cameras_.size());
   }
@@ -409,7 +414,7 @@ void ViewWatch::look(const object_tracking::ObjectEstimate& estimate, const obje
   forget_clutter(estimate, now_s);
   if (target_.count == 1) jumps_.look(tracker.regions(), now_s, target_.radius_m);
   if (now_s < next_s_) return;
-  next_s_ = now_s + view_samples.period_s;
+  next_s_ = now_s + period_s;
   const std::vector<object_tracking::ColorShare> shares = tracker.color_shares();
   const std::vector<Mistake> of_color = of_shared_color(shares);
   std::vector<Mistake> now;
@@ -497,17 +502,17 @@ void ViewWatch::forget_clutter(const object_tracking::ObjectEstimate& estimate, 
     return;
   }
   if (!found_s_) found_s_ = now_s;
-  if (now_s - *found_s_ < view_samples.period_s) return;
+  if (now_s - *found_s_ < period_s) return;
   for (PerCamera& camera : cameras_)
     std::erase_if(camera.track, [&](const SeenPoint& sample) { return !sample.is_target && sample.t_s < *found_s_; });
 }
 
 bool ViewWatch::is_still(PerCamera& camera, const Eigen::Vector2d& px, double now_s) const {
-  std::erase_if(camera.spots, [&](const PerCamera::Spot& spot) { return spot.last_s < now_s - view_samples.period_s; });
+  std::erase_if(camera.spots, [&](const PerCamera::Spot& spot) { return spot.last_s < now_s - period_s; });
   for (PerCamera::Spot& spot : camera.spots) {
     if ((spot.px - px).norm() > object_tracking::sighting_tuning.still_px) continue;
     spot.last_s = now_s;
-    return now_s - spot.first_s > 2 * view_samples.period_s;
+    return now_s - spot.first_s > 2 * period_s;
   }
   if (camera.spots.size() >= most_spots) camera.spots.erase(camera.spots.begin());
   camera.spots.push_back({px, now_s, now_s});
@@ -532,7 +537,7 @@ void ViewWatch::choose(const Track& all, double now_s, double shift_s, Track& ch
   smooth_.assign(all.size(), false);
   for (std::size_t k = 1; k + 1 < all.size(); ++k) smooth_[k] = is_smooth(all[k - 1], all[k], all[k + 1]);
   const auto moves = [&](std::size_t k) {
-    constexpr double within_s = view_samples.period_s;
+    constexpr double within_s = period_s;
     const auto is_far = [&](std::size_t j) { return (all[j].px - all[k].px).norm() > moves_px; };
     for (std::size_t j = k; j > 0 && smooth_[j] && all[j].t_s > all[k].t_s - within_s; --j)
       if (is_far(j)) return true;
@@ -560,12 +565,11 @@ std::optional<Mistake> ViewWatch::of_rig(double now_s, const std::vector<bool>& 
   const PairComparison::Agreement as_is = comparison.agreement(tracks_, {}, time_sigmas_);
   const bool is_clear = is_wrong_ = as_is.worst >= consistency.disagrees;
   if (!is_clear) tries_ = 0;
-  if ((!is_clear && as_is.score < consistency.turned_score) || now_s < (is_clear ? next_try_s_ : next_turn_s_))
-    return std::nullopt;
-  next_turn_s_ = now_s + 2 * view_samples.period_s;
+  if ((!is_clear && as_is.score < turned_score) || now_s < (is_clear ? next_try_s_ : next_turn_s_)) return std::nullopt;
+  next_turn_s_ = now_s + 2 * period_s;
   if (is_clear) {
     const int paused = std::max(0, ++tries_ - consistency.tries_at_once);
-    next_try_s_ = now_s + std::min(consistency.max_pause_s, jitter * view_samples.period_s * std::pow(2, paused));
+    next_try_s_ = now_s + std::min(consistency.max_pause_s, jitter * period_s * std::pow(2, paused));
   }
   auto found = explained(as_is, is_clear, false);
   const bool is_unexplained =
@@ -597,7 +601,7 @@ bool ViewWatch::correct_times(Mistake& found, double now_s) {
   double largest_s = 0, surely_s = timing_fault.min_unlearnt_s;
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
     largest_s = std::max(largest_s, std::abs(found.extra_latency_s[c]));
-    if (found.extra_latency_s[c] != 0) surely_s = std::max(surely_s, timing_fault.sure_sigmas * time_sigmas_[c]);
+    if (found.extra_latency_s[c] != 0) surely_s = std::max(surely_s, sure_sigmas * time_sigmas_[c]);
   }
   const bool is_unlearnt = largest_s >= surely_s;
   const bool is_jump = corrections_ > 0 && is_unlearnt && time_shifts_ != shifts_when_corrected_;
@@ -621,8 +625,7 @@ bool ViewWatch::correct_times(Mistake& found, double now_s) {
 }
 
 bool ViewWatch::contradicts(const std::vector<double>& late_s) const {
-  return has_moved() &&
-         PairComparison(rig_).agreement(tracks_, {.late_s = late_s}, time_sigmas_).worst > consistency.agrees;
+  return has_moved() && PairComparison(rig_).agreement(tracks_, {.late_s = late_s}, time_sigmas_).worst > agrees;
 }
 
 void ViewWatch::note_correction() {
@@ -650,9 +653,7 @@ std::optional<Mistake> ViewWatch::explained(const PairComparison::Agreement& as_
 // Views are consistent because the tracker has estimated a latency that is more than drivers cause: a wrong time stamp.
 std::optional<Mistake> ViewWatch::of_learnt_times() const {
   const std::size_t n = cameras_.size();
-  const auto is_known = [&](std::size_t c) {
-    return timing_fault.sure_sigmas * latency_sigmas_[c] <= timing_fault.min_unlearnt_s;
-  };
+  const auto is_known = [&](std::size_t c) { return sure_sigmas * latency_sigmas_[c] <= timing_fault.min_unlearnt_s; };
   // Only differences are observable: the median camera is taken as in time.
   std::vector<double> late_s;
   for (std::size_t c = 0; c < n; ++c)
@@ -681,14 +682,13 @@ std::optional<Mistake> ViewWatch::of_uneven_times() {
     PerCamera& camera = cameras_[c];
     const double latency_s = -time_shifts_[c], sigma_s = latency_sigmas_[c];
     const double moved_s = std::abs(latency_s - camera.surest_latency_s);
-    const bool has_moved =
-        moved_s > std::max(same_times_s, timing_fault.sure_sigmas * std::hypot(sigma_s, camera.surest_sigma_s));
+    const bool has_moved = moved_s > std::max(same_times_s, sure_sigmas * std::hypot(sigma_s, camera.surest_sigma_s));
     camera.moved_count = has_moved ? camera.moved_count + 1 : 0;
     if (camera.moved_count >= consistency.min_times || sigma_s < camera.surest_sigma_s)
       camera.surest_latency_s = latency_s, camera.surest_sigma_s = sigma_s;
     const double too_long_s = camera.readout_s - camera.period_s;
     const bool is_too_long = !rig_.cameras[c].timing.readout_s && camera.intervals >= most_samples() &&
-                             too_long_s > timing_fault.sure_sigmas * camera.readout_sigma_s;
+                             too_long_s > sure_sigmas * camera.readout_sigma_s;
     if (!has_moved && !is_too_long) continue;
     const double size_s = std::max(has_moved ? moved_s : 0, is_too_long ? camera.readout_s : 0);
     if (!out) out = Mistake{.kind = MistakeKind::uneven_times};
@@ -701,7 +701,8 @@ std::optional<Mistake> ViewWatch::of_uneven_times() {
 std::vector<Mistake> ViewWatch::of_shared_color(std::span<const object_tracking::ColorShare> shares) {
   std::vector<Mistake> out;
   for (std::size_t c = 0; c < shares.size(); ++c) {
-    if (shares[c].of_picture > std::max(target_fault.min_shared, target_fault.times_the_target * shares[c].of_target))
+    if (shares[c].of_picture >
+        std::max(target_fault.min_shared, objects::clutter_history.shared_above * shares[c].of_target))
       out.push_back({.kind = MistakeKind::shared_color, .cameras = {int(c)}, .size = shares[c].of_picture});
   }
   return out;

@@ -16,8 +16,7 @@ using namespace object_tracking;
 namespace {
 
 struct RegionAssignmentTuning {
-  double min_outline = 0.15;  // share of the outline that must be seen
-  double max_passed = 0.25;   // share across which the colour goes on: a ball of its size that touches passes 0.1
+  double max_passed = 0.25;  // share across which the colour goes on: a ball of its size that touches passes 0.1
 };
 constexpr RegionAssignmentTuning assignment_tuning{};
 
@@ -121,7 +120,7 @@ void RegionAssociation::assign(const TargetView& view, std::span<const color::Co
 
 std::optional<Sighting> RegionAssociation::by_outline(const TargetView& view, const ExpectedObject& expected,
                                                       const std::optional<FittedDisc>& fitted) const {
-  if (!fitted || fitted->seen < assignment_tuning.min_outline || fitted->passed > assignment_tuning.max_passed)
+  if (!fitted || fitted->seen < sighting_tuning.min_disc_share || fitted->passed > assignment_tuning.max_passed)
     return std::nullopt;
   const double radius_px = expected.at.radius_px;
   const BaseError usual = base_error(radius_px, pixel_noise_px_, sample_px(*view.image));

@@ -13,21 +13,21 @@ using namespace object_tracking;
 namespace {
 
 struct StaticClutterTuning {
-  double period_s = 0.5;        // s, between samples of a view
-  double share_points = 4800;   // grid points that measure the colour's share of an image: 15 of min_share
-  double shared_above = 2.5;    // times the share that the objects could cover: more is the room's; radii may be wrong
-  double shared_below = 1.5;    // hysteresis of shared_above
-  double min_share = 0.003;     // of an image; fewer than ten grid points are chance
+  double share_points = 4800;   // grid points that measure the colour's share of an image
   double surrounded = 0.5;      // share of an object's surroundings of its colour from which it counts as clutter
   int around_points = 24;       // points at which these are sampled
   double min_disc = 0.6;        // area of a disc over the smallest one of an object, and of the largest over its area
   double min_roundness = 0.75;  // of its half widths
   double min_filled = 0.85;     // of the ellipse of these half widths
   std::size_t probes = 64;      // masked pixels by which a view's light is followed: medians to a sixth of sigma
-  float usual_sigmas = 4;       // of a masked pixel's noise: 6e-5 differ by more
-  float min_noise = 1;          // grey values, 1 sigma of that noise
+  float min_noise = 1;          // grey values, 1 sigma of a masked pixel's noise
 };
 constexpr StaticClutterTuning static_clutter{};
+// Of an image; the number of grid points of the colour is known to its root.
+constexpr double min_share = sighting_tuning.gate_nis / static_clutter.share_points;
+// Hysteresis: half-way, in logarithms, to what the objects could cover.
+const double shared_below = std::sqrt(clutter_history.shared_above);
+const float usual_sigmas = static_cast<float>(std::sqrt(sighting_tuning.gate_nis));  // of a masked pixel's noise
 
 constexpr int grid_px = color::TileAt::size;  // layout: a point per tile
 constexpr double tile_half_px = 3.5;          // layout: from a tile's first pixel to its centre
@@ -162,7 +162,7 @@ void StaticClutterMask::learn(const std::vector<TargetView>& views, std::span<co
     const PerCamera& camera = cameras_[std::size_t(view.index)];
     if (camera.is_learning && camera.sampled < samples) sample(view, tracked);
   }
-  if (std::abs(capture::seconds(set_at - *last_at_)) < static_clutter.period_s / double(views.size())) return;
+  if (std::abs(capture::seconds(set_at - *last_at_)) < clutter_history.period_s / double(views.size())) return;
   last_at_ = set_at;
   sample(views[next_++ % views.size()], tracked);
 }
@@ -222,8 +222,8 @@ void StaticClutterMask::measure(const TargetView& view) {
   const double probed = std::max(1.0, std::floor((view.image->width + hits_px_ / 2.0) / hits_px_) *
                                           std::floor((view.image->height + hits_px_ / 2.0) / hits_px_));
   share.of_picture = std::min(1.0, double(hits_.size()) / probed);
-  const double bound = (camera.is_above ? static_clutter.shared_below : static_clutter.shared_above) * share.of_target;
-  camera.is_above = camera.is_crowded || share.of_picture > std::max(static_clutter.min_share, bound);
+  const double bound = (camera.is_above ? shared_below : clutter_history.shared_above) * share.of_target;
+  camera.is_above = camera.is_crowded || share.of_picture > std::max(min_share, bound);
 }
 
 void StaticClutterMask::sample(const TargetView& view, std::span<const Sighting> tracked) {
@@ -387,7 +387,7 @@ void StaticClutterMask::follow_light(const TargetView& view, PerCamera& camera) 
     const float shift = median();
     for (float& d : differences_) d = std::abs(d - shift);
     light.shift[c] = shift;
-    light.gate[c] = static_clutter.usual_sigmas * std::max(static_clutter.min_noise, sigma_of_mad * median());
+    light.gate[c] = usual_sigmas * std::max(static_clutter.min_noise, sigma_of_mad * median());
   }
   view.matches->set_light(light);
 }

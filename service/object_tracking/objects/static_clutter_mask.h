@@ -28,7 +28,9 @@
 namespace huetrack::objects {
 
 struct ClutterHistoryTuning {
-  int kept_samples = 12;  // samples in which a pixel that matches again counts as static: 6 s
+  int kept_samples = 12;      // samples in which a pixel that matches again counts as static: 6 s
+  double period_s = 0.5;      // between samples of a view
+  double shared_above = 2.5;  // times the share that the objects could cover: more is the room's; radii may be wrong
 };
 inline constexpr ClutterHistoryTuning clutter_history{};
 

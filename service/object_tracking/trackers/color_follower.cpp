@@ -96,11 +96,12 @@ void ColorFollower::begin_next(const capture::FrameSet& set, const ColorWatch& w
       continue;
     const PerColorAxis wanted = wanted_shift(cameras_[i].taught, *seen);
     PerColorAxis shift = cameras_[i].shift;
-    // Only axes that must move do: a ball that goes from the window into the shade is no change of light.
+    // Only axes that must move do, as soon as a warning would not end, and back by a whole table: a ball that goes from
+    // the window into the shade is no change of light.
     const PerColorAxis nearest = shift_between(cameras_[i].taught, *seen, color_follower.just_inside, shift);
     double behind = 0;
     for (std::size_t a = 0; a < shift.size(); ++a) {
-      const bool is_back = std::abs(shift[a]) - std::abs(wanted[a]) >= color_follower.steps_back * least_step[a];
+      const bool is_back = std::abs(shift[a]) - std::abs(wanted[a]) >= largest_step[a];
       if (nearest[a] == shift[a] && !is_back) continue;
       const double step = wanted[a] - shift[a];
       behind = std::max(behind, std::abs(step) / least_step[a]);

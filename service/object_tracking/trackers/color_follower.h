@@ -25,19 +25,18 @@
 namespace huetrack::object_trackers {
 
 struct ColorFollowerTuning {
-  double furthest_hue_deg = 20;       // white balance of a webcam from daylight to lamp light; beyond is another colour
-  double furthest_saturation = 0.15;  // likewise
-  double furthest_intensity = 0.2;    // likewise
-  double least_saturation = 0.15;     // a range below it would hold greys
-  double longest_unseen_s = 1;        // older measurements of the colour are not used
-  double forgotten_after_s = 10;      // of a lost object, the taught range is used again
-  double well_inside = 2;    // where a range moves to: ends this much further from the median than ColorWatch warns at
-  double just_inside = 1.3;  // from where on it moves, likewise
-  double steps_back = 4;     // least steps by which a range that is off too far goes back
+  double furthest_noises = 6;      // 21 degrees of hue: a webcam from daylight to lamp light; beyond is another colour
+  double least_saturation = 0.15;  // a range below it would hold greys
+  double longest_unseen_s = 1;     // older measurements of the colour are not used
+  double forgotten_after_s = 10;   // of a lost object, the taught range is used again
+  double well_inside = 2;  // where a range moves to: ends this much further from the median than ColorWatch warns at
+  // From where on it moves, likewise; and where a warning ends.
+  double just_inside = 1.5;
 };
 inline constexpr ColorFollowerTuning color_follower{};
-inline constexpr PerColorAxis furthest_followed{color_follower.furthest_hue_deg, color_follower.furthest_saturation,
-                                                color_follower.furthest_intensity};
+inline constexpr PerColorAxis furthest_followed{color_follower.furthest_noises * color_noise[0],
+                                                color_follower.furthest_noises* color_noise[1],
+                                                color_follower.furthest_noises* color_noise[2]};
 
 // The range shifted by so much, of the same width; clipped where the axis ends.
 color::HsiRange shifted(const color::HsiRange& range, const PerColorAxis& shift);

@@ -7,6 +7,7 @@
 
 #include "calib/model/median.h"
 #include "color/image_color.h"
+#include "object_tracking/trackers/color_follower.h"
 
 namespace huetrack::object_trackers {
 
@@ -15,27 +16,23 @@ using namespace object_tracking;
 namespace {
 
 struct ColorWatchTuning {
-  std::uint64_t sets_per_look = 3;      // light changes over seconds: at 30 sets/s this is ten looks a second
-  double smoothing_s = 0.7;             // time constant of the measured colour
-  double longest_pause_s = 5;           // what was measured before a longer one is forgotten
-  int least_looks = 5;                  // before a warning
-  float least_radius_px = 4;            // below it, half of the blurred and shared chroma is the background's
-  float least_support = 0.5f;           // share of the disc that a view must show
-  float largest_residual_radii = 0.5f;  // from the estimate to the region in that view
-  float inner_radii = 0.6f;             // of the disc: what is measured
-  float whole_radii = 0.9f;             // measured pixels lie within this also if the estimate is off by its residual
-  double usual_exposure_s = 1.0 / 60;   // the object moves by at most a radius in it: its middle shows only itself
-  int steps_per_radius = 5;             // of the grid of pixels that are measured
-  std::size_t least_pixels = 9;
-  double outlier_mad = 4.5;               // median absolute deviations: three standard deviations
+  std::uint64_t sets_per_look = 3;        // light changes over seconds: at 30 sets/s this is ten looks a second
+  double smoothing_s = 0.7;               // time constant of the measured colour
+  int least_looks = 5;                    // before a warning
+  float least_radius_px = 4;              // below it, half of the blurred and shared chroma is the background's
+  float least_support = 0.5f;             // share of the disc that a view must show
+  float inner_radii = 0.6f;               // of the disc: what is measured
+  float whole_radii = 0.9f;               // measured pixels lie within this, however far the estimate is off
+  double usual_exposure_s = 1.0 / 60;     // the object moves by at most a radius in it: its middle shows only itself
+  int steps_per_radius = 5;               // of the grid of pixels that are measured
   double least_saturation_of_hue = 0.08;  // below it a hue is noise
-  double cleared_at = 1.5;  // a warning ends when the end of the range is this much further off than it began
 };
 constexpr ColorWatchTuning color_watch{};
 
 // capacity: of the grid
 constexpr std::size_t most_pixels = (2 * color_watch.steps_per_radius + 1) * (2 * color_watch.steps_per_radius + 1);
-constexpr std::size_t tail = 6;  // maths: of a Gaussian, about a sixth lies beyond one sigma on one side
+constexpr double sigma_of_mad = 1.4826;  // maths: of a normal distribution
+constexpr std::size_t tail = 6;          // maths: of a Gaussian, about a sixth lies beyond one sigma on one side
 
 struct Distribution {
   double median, below, above;
@@ -47,7 +44,8 @@ Distribution robust(std::span<double> values, double noise) {
   const double median = values[n / 2];
   std::array<double, most_pixels> deviations;
   std::ranges::transform(values, deviations.begin(), [&](double value) { return std::abs(value - median); });
-  const double reach = color_watch.outlier_mad * calib::median_in_place(std::span(deviations).first(n)) + noise;
+  const double reach =
+      sighting_tuning.prediction_sigmas * sigma_of_mad * calib::median_in_place(std::span(deviations).first(n)) + noise;
   const auto first = std::ranges::lower_bound(values, median - reach),
              last = std::ranges::upper_bound(values, median + reach);
   const auto own = std::span(first, last);
@@ -56,7 +54,7 @@ Distribution robust(std::span<double> values, double noise) {
 
 bool sees_it_well(const ViewSupport& view) {
   return view.seen && view.support >= color_watch.least_support && view.radius_px >= color_watch.least_radius_px &&
-         view.residual_px <= color_watch.largest_residual_radii * view.radius_px;
+         view.residual_px <= (color_watch.whole_radii - color_watch.inner_radii) * view.radius_px;
 }
 
 }  // namespace
@@ -103,7 +101,6 @@ std::optional<SeenColor> color_inside(const capture::Image& image, const Eigen::
         hues[with_hue++] = degrees_between(hue_origin_deg, pixel.hue_deg);
     }
   }
-  if (n < color_watch.least_pixels) return std::nullopt;
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
   const Distribution h =
       2 * with_hue > n ? robust(std::span(hues).first(with_hue), color_noise[0]) : Distribution{nan, nan, nan};
@@ -129,12 +126,10 @@ void ColorWatch::update(const capture::FrameSet& set, const ObjectEstimate& esti
     const capture::Image* const picture = own_picture_of(*set.frames[i]);
     if (picture == nullptr || !(is_due || set.frames[i]->matches)) continue;
     PerCamera& camera = cameras_[i];
-    const float inner_px =
-        std::min(color_watch.inner_radii * view.radius_px, color_watch.whole_radii * view.radius_px - view.residual_px);
-    const auto seen = color_inside(*picture, view.px, inner_px, camera.hue_origin_deg);
+    const auto seen = color_inside(*picture, view.px, color_watch.inner_radii * view.radius_px, camera.hue_origin_deg);
     if (!seen) continue;
     const double pause_s = capture::seconds(set.at - std::exchange(camera.health.seen_at, set.at));
-    if (!camera.health.seen || pause_s < 0 || pause_s > color_watch.longest_pause_s) {
+    if (!camera.health.seen || pause_s < 0) {
       camera.health.seen = seen;
       camera.looks = 1;
       continue;
@@ -164,7 +159,7 @@ void ColorWatch::judge(PerCamera& camera, const color::HsiRange& in_force) {
     const bool is_warned = warning && warning->axis == axis && warning->is_upper == is_upper;
     if (is_warned) {
       warning->left = left;
-      is_cleared = share > color_watch.cleared_at;
+      is_cleared = share > color_follower.just_inside;
     }
     if (share < least) least = share, nearest = NearEnd{axis, is_upper, left};
   };

@@ -15,9 +15,10 @@ namespace {
 struct ObjectSighterTuning {
   double contradicting_px2 = 1;  // inflation of a view above which no outline is fitted; far above shading
   double widest_radii = 2;  // half width of the narrow axis of a region; the taught radius and the range are unsure
-  double near_radii = 1.5;  // nearly all of the object lies within this; a region that this box cuts is searched wider
 };
 constexpr ObjectSighterTuning sighter{};
+// The largest region of one object lies within this; a region that this box cuts is searched wider.
+constexpr double usual_reach_radii = sighting_tuning.extent_radii / 2;
 
 // maths: a kick at any moment of dt is a white acceleration of power density kick^2 / dt, variance kick^2 dt^2 / 3. A
 // kick at its beginning has kick^2 dt^2.
@@ -78,7 +79,7 @@ std::span<const color::ColorRegion> ObjectSighter::regions_near(const TargetView
   if (!(std::abs(at.px.x()) < 2 * limit && std::abs(at.px.y()) < 2 * limit)) return {};
   const double disc = std::numbers::pi * at.radius_px * at.radius_px;
   const int min_area = std::max(2, static_cast<int>(sighting_tuning.min_disc_share * disc));
-  for (const double radii : {sighter.near_radii, sighter.widest_radii}) {
+  for (const double radii : {usual_reach_radii, sighter.widest_radii}) {
     const double reach_u =
         std::min(limit, sighting_tuning.prediction_sigmas * std::sqrt(spread(0, 0)) + radii * at.radius_px + 2);
     const double reach_v =

@@ -14,17 +14,16 @@ using namespace objects;
 
 namespace {
 
-struct SharedRegionsTuning {
-  double elsewhere_radii = 6;  // a region this near may be the object in a camera that was turned (experiment)
-  double probe_radii = 0.6;    // regions are also searched here around an expected centre (experiment)
-};
-constexpr SharedRegionsTuning shared_regions{};
+// A region this near may be the object in a camera that was turned: beyond what lies within the extent of both.
+constexpr double elsewhere_radii = 2 * sighting_tuning.extent_radii;
+// Regions are also searched here around an expected centre: half-way to where a part of the object may be.
+constexpr double probe_radii = sighting_tuning.part_radii / 2;
 
 // The visible rest of a known object that is mostly hidden.
 std::vector<color::PixelAt> probes(std::span<const ExpectedObject> expected) {
   std::vector<color::PixelAt> out;
   for (const ExpectedObject& e : expected) {
-    const double half = shared_regions.probe_radii * e.at.radius_px;
+    const double half = probe_radii * e.at.radius_px;
     for (const auto& [du, dv] : {std::pair(0.0, 0.0), {half, 0.0}, {-half, 0.0}, {0.0, half}, {0.0, -half}})
       out.push_back({int(std::lround(e.at.px.x() + du)), int(std::lround(e.at.px.y() + dv))});
   }
@@ -117,7 +116,7 @@ std::optional<Sighting> SharedRegions::elsewhere(const TargetView& view, std::si
   if (is_seen || own == expected_[i].end() || last_[std::size_t(view.index)].is_repeated) return std::nullopt;
   const double disc = disc_area(own->at.radius_px);
   const color::ColorRegion* nearest = nullptr;
-  double distance_px = shared_regions.elsewhere_radii * own->at.radius_px;
+  double distance_px = elsewhere_radii * own->at.radius_px;
   for (const color::ColorRegion& region : unexplained_[i]) {
     const double off_px = (region.centre - own->at.px).norm();
     if (region.area < sighting_tuning.start_disc_share * disc || region.area > sighting_tuning.max_disc_share * disc ||
