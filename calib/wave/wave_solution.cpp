@@ -328,7 +328,7 @@ std::vector<LinearOutline> WaveSolution::linear_outlines() const {
 }
 
 void WaveSolution::report_progress(const char* step, int done) const {
-  if (options_.progress) options_.progress(step, done, WaveSteps::all);
+  if (options_.progress && !is_silent_) options_.progress(step, done, WaveSteps::all);
 }
 
 const color::ColorRegion& WaveSolution::region(std::size_t f) const {
