@@ -10,6 +10,7 @@
 #include <cmath>
 #include <map>
 #include <memory>
+#include <numbers>
 #include <numeric>
 #include <optional>
 #include <random>
@@ -372,6 +373,22 @@ struct Halves {
   Eigen::MatrixXd covariance;
 };
 
+// True less found, if b is true and a is found.
+Eigen::VectorXd difference_of(const WaveState& a, const WaveState& b) {
+  const auto n = static_cast<Eigen::Index>(a.cam_from_world.size());
+  Eigen::VectorXd difference((6 + lens_freedom) * n);
+  for (Eigen::Index c = 0; c < n; ++c) {
+    const calib::Rigid3d &of_a = a.cam_from_world[static_cast<std::size_t>(c)],
+                         &of_b = b.cam_from_world[static_cast<std::size_t>(c)];
+    const Eigen::AngleAxisd turn(of_a.rotation.conjugate() * of_b.rotation);
+    difference.segment<3>(6 * c) = calib::inverse(of_b).translation - calib::inverse(of_a).translation;
+    difference.segment<3>(6 * c + 3) = turn.angle() * turn.axis();
+    difference.segment<lens_freedom>(6 * n + lens_freedom * c) =
+        b.lenses[static_cast<std::size_t>(c)] - a.lenses[static_cast<std::size_t>(c)];
+  }
+  return difference;
+}
+
 Halves compare_halves(const WaveSolution& whole, std::size_t cameras, const solver::Progress& progress) {
   const auto n = static_cast<Eigen::Index>(cameras);
   const Eigen::Index size = (6 + lens_freedom) * n;
@@ -385,16 +402,50 @@ Halves compare_halves(const WaveSolution& whole, std::size_t cameras, const solv
     states[index(half)] = part.state();
     halves.covariance += part.fit().covariance;
   }
-  for (std::size_t c = 0; c < cameras; ++c) {
-    const calib::Rigid3d &a = states[0].cam_from_world[c], &b = states[1].cam_from_world[c];
-    const Eigen::AngleAxisd turn(a.rotation.conjugate() * b.rotation);
-    const auto at = 6 * static_cast<Eigen::Index>(c);
-    halves.difference.segment<3>(at) = calib::inverse(b).translation - calib::inverse(a).translation;
-    halves.difference.segment<3>(at + 3) = turn.angle() * turn.axis();
-    halves.difference.segment<lens_freedom>(6 * n + lens_freedom * static_cast<Eigen::Index>(c)) =
-        states[1].lenses[c] - states[0].lenses[c];
-  }
+  halves.difference = difference_of(states[0], states[1]);
   return halves;
+}
+
+// What another start changes.
+struct OtherStart {
+  Eigen::VectorXd difference;     // as WaveFit::covariance
+  std::vector<CameraTime> times;  // differences
+};
+
+// Of a start that is as wrong as ConsistencyTuning allows. Where a hand hides the ball, the start decides which regions
+// pass for it. throws CalibrationError: nothing is found from there
+OtherStart compare_starts(const WaveSolution& whole) {
+  constexpr double turned_rad = 0.035, aside_m = 0.05;
+  WaveStart start{whole.state().cam_from_world};
+  for (std::size_t c = 0; c < start.cam_from_world.size(); ++c) {
+    const Vector3d axis = Vector3d::Unit(static_cast<Eigen::Index>(c % 2));  // the image's
+    const calib::Rigid3d wrong{Eigen::Quaterniond(Eigen::AngleAxisd(turned_rad, axis)), aside_m * axis};
+    start.cam_from_world[c] = wrong * start.cam_from_world[c];
+  }
+  WaveSolution other = whole;
+  other.silence();
+  try {
+    other.solve(start, false, false);
+  } catch (const solver::CalibrationError&) {
+    throw solver::CalibrationError(
+        fmt::format("the camera poses are not determined: from a start that is {:.0f} cm and {:.0f} degrees aside "
+                    "nothing is found, as a hand hides too much of the ball: wave it on a thin stick, or throw it",
+                    1e2 * aside_m, turned_rad * 180 / std::numbers::pi),
+        solver::Fault::undetermined_poses);
+  }
+  const auto size_of = [](const WaveSolution& s) {
+    double sum = 0;
+    for (std::size_t c = 1; c < s.rig().cameras.size(); ++c)
+      sum += (s.centre(static_cast<int>(c)) - s.centre(0)).norm();
+    return sum;
+  };
+  Similarity{.scale = size_of(whole) / size_of(other)}.apply(other.state());
+  OtherStart out{.difference = difference_of(whole.state(), other.state()), .times = other.state().times};
+  for (std::size_t c = 0; c < out.times.size(); ++c) {
+    out.times[c].latency_s -= whole.state().times[c].latency_s;
+    out.times[c].readout_s -= whole.state().times[c].readout_s;
+  }
+  return out;
 }
 
 struct PlacesErrors {
@@ -404,19 +455,21 @@ struct PlacesErrors {
   bool has_volume() const { return in_volume && in_volume->places > 0; }
 };
 
-// widen: factor on standard deviations.
-void set_timing(WaveResult& result, const WaveSolution& wave, double widen) {
+// widen: factor on standard deviations. by_start: see OtherStart; empty: 0.
+void set_timing(WaveResult& result, const WaveSolution& wave, double widen, const std::vector<CameraTime>& by_start) {
   for (std::size_t c = 0; c < result.cameras.size(); ++c) {
     const CameraTime& time = wave.state().times[c];
     const auto at = 2 * static_cast<Eigen::Index>(c);
-    const auto sigma = [&](Eigen::Index i, double least) {
+    const CameraTime off = by_start.empty() ? CameraTime{} : by_start[c];
+    const auto sigma = [&](Eigen::Index i, double least, double by_start_s) {
       const double variance = wave.fit().time_covariance(i, i);
-      return variance > 0 ? std::hypot(widen * std::sqrt(variance), least) : 0;
+      return variance > 0 ? std::hypot(widen * std::sqrt(variance), least, by_start_s) : 0;
     };
     // Flicker and uneven light move the effective moment of an exposure off its middle. For the readout that counts
     // three times: the ball's rows have an rms of a third of the image.
     constexpr double moment_s = 3e-4, over_rows_s = 3 * moment_s;
-    result.rig.cameras[c].timing = {time.latency_s, sigma(at, moment_s), time.readout_s, sigma(at + 1, over_rows_s)};
+    result.rig.cameras[c].timing = {time.latency_s, sigma(at, moment_s, off.latency_s), time.readout_s,
+                                    sigma(at + 1, over_rows_s, off.readout_s)};
   }
 }
 
@@ -428,9 +481,17 @@ Eigen::MatrixXd set_uncertainties(WaveResult& result, const WaveSolution& wave, 
   result.halves_m = errors.along_path.rms(halves.difference * halves.difference.transpose());
   result.halves_sigma_m = errors.along_path.rms(halves.covariance);
   // Inflation where they differ by more than their covariance predicts.
-  const double widen = result.halves_sigma_m > 0 ? std::max(1.0, result.halves_m / result.halves_sigma_m) : 1;
+  double widen = result.halves_sigma_m > 0 ? std::max(1.0, result.halves_m / result.halves_sigma_m) : 1;
+  const double sigma_m = errors.along_path.rms(wave.fit().covariance);
+  if (wave.is_held() && sigma_m > 0) {
+    const OtherStart other = compare_starts(wave);
+    set_timing(result, wave, widen, other.times);
+    const double off_m = errors.along_path.rms(other.difference * other.difference.transpose());
+    widen = std::max(widen, off_m / sigma_m);
+  } else {
+    set_timing(result, wave, widen, {});
+  }
   const Eigen::MatrixXd covariance = widen * widen * wave.fit().covariance;
-  set_timing(result, wave, widen);
   for (std::size_t c = 0; c < n; ++c) {
     WaveCamera& camera = result.cameras[c];
     const Eigen::MatrixXd by_poses = (errors.has_volume() ? *errors.in_volume : errors.along_path)

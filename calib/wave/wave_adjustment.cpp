@@ -228,8 +228,8 @@ class WaveProblem {
     fit.time_covariance = Eigen::MatrixXd::Zero(2 * cameras, 2 * cameras);
     if (size == 0) return;
     Eigen::MatrixXd gain = gain_of(problem_, wanted, size, points);
-    const auto lens_rows = static_cast<Eigen::Index>(lens_rows_.size());  // the last ones
-    gain.bottomRows(lens_rows).array().colwise() *= Eigen::Map<const Eigen::ArrayXd>(lens_rows_.data(), lens_rows);
+    const auto prior_rows = static_cast<Eigen::Index>(prior_rows_.size());  // the last ones
+    gain.bottomRows(prior_rows).array().colwise() *= Eigen::Map<const Eigen::ArrayXd>(prior_rows_.data(), prior_rows);
     const auto others = gain.rows() - 2 * static_cast<Eigen::Index>(observations_.size());
     const Eigen::MatrixXd in_blocks =
         variance * (propagated(gain, observations_, poses_.size(), options_.correlation) +
@@ -323,6 +323,7 @@ class WaveProblem {
       constexpr double loss = 3;  // sigmas; a contradicted prior loses weight
       problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<PriorCost, 1, 1>(new PriorCost{mean, sigma}),
                                 new ceres::CauchyLoss(loss), x);
+      prior_rows_.push_back(1);
     };
     for (std::size_t c = 0; c < poses_.size(); ++c) {
       if (!used_[c]) continue;
@@ -333,10 +334,12 @@ class WaveProblem {
         problem_.SetParameterBlockConstant(&time.latency_s);
       }
       if (has_free_readout(c)) {
-        if (!options_.any_readout_weight.empty()) {
+        if (!options_.any_readouts.empty()) {
+          const ReadoutPrior& any = options_.any_readouts[c];
           problem_.AddResidualBlock(
-              new ceres::AutoDiffCostFunction<PriorCost, 1, 1>(new PriorCost{0, options_.any_readout_sigma_s}),
-              new ceres::ScaledLoss(nullptr, options_.any_readout_weight[c], ceres::TAKE_OWNERSHIP), &time.readout_s);
+              new ceres::AutoDiffCostFunction<PriorCost, 1, 1>(new PriorCost{any.mean_s, any.sigma_s}),
+              new ceres::ScaledLoss(nullptr, any.weight, ceres::TAKE_OWNERSHIP), &time.readout_s);
+          prior_rows_.push_back(std::sqrt(any.weight));
         }
         add_prior(&time.readout_s, options_.times[c].time.readout_s, options_.times[c].readout_sigma_s);
       } else {
@@ -364,7 +367,7 @@ class WaveProblem {
       problem_.AddResidualBlock(
           new ceres::AutoDiffCostFunction<LensPriorCost<N>, N, lens_freedom>(new LensPriorCost<N>{first, sigma}),
           new ceres::ScaledLoss(of, weight, ceres::TAKE_OWNERSHIP), state_.lenses[c].data());
-      lens_rows_.insert(lens_rows_.end(), N, std::sqrt(weight));
+      prior_rows_.insert(prior_rows_.end(), N, std::sqrt(weight));
     };
     add(options_.any_lens_sigmas[c], nullptr);
     if (!options_.given_lens_sigmas.empty())
@@ -429,7 +432,7 @@ class WaveProblem {
   std::vector<Matrix3d> base_;
   std::vector<bool> used_;
   std::vector<std::size_t> pieces_;  // per observation: of the path
-  std::vector<double> lens_rows_;    // per residual of the lenses' priors: its standard deviation
+  std::vector<double> prior_rows_;   // per residual of the priors of times and lenses: its standard deviation
   ceres::Problem problem_;           // last: destroyed first
 };
 

@@ -70,19 +70,23 @@ struct OutlineCorrelation {
 Eigen::MatrixXd propagated(const Eigen::MatrixXd& gain, const std::vector<BallObservation>& observations,
                            std::size_t cameras, const OutlineCorrelation& correlation);
 
+// What the readout of a camera of its kind is, without a loss.
+struct ReadoutPrior {
+  double mean_s = 0, sigma_s = 0.03;  // sigma_s > 0
+  double weight = 1;                  // how often it counts, see WaveAdjustmentOptions::frames_as_one
+};
+
 struct WaveAdjustmentOptions {
   double radius_m = 0.04;  // of the ball: an outline's centre is not the centre's projection
   double loss = 3;         // > 0; Cauchy's, in standard deviations
   double jerk_m_s3 = 60;   // > 0; rms jerk of the ball at 30 knots per second
   bool with_evidence = false;
-  int reference = 0;               // this camera's pose is held
-  int scale_a = 0, scale_b = 1;    // the distance of these two cameras is held
-  bool hold_poses = false;         // all poses are held: only times and path are estimated
-  std::vector<TimePrior> times{};  // per camera; empty: times are held
-  // A prior of all readouts, up to 33 ms, either way, without a loss: how often it counts, per camera. Empty: never.
-  double any_readout_sigma_s = 0.03;  // > 0
-  std::vector<double> any_readout_weight{};
-  int time_reference = 0;  // its latency is held: a shift of all times is not observable
+  int reference = 0;                         // this camera's pose is held
+  int scale_a = 0, scale_b = 1;              // the distance of these two cameras is held
+  bool hold_poses = false;                   // all poses are held: only times and path are estimated
+  std::vector<TimePrior> times{};            // per camera; empty: times are held
+  std::vector<ReadoutPrior> any_readouts{};  // per camera; empty: none
+  int time_reference = 0;                    // its latency is held: a shift of all times is not observable
   // Per camera, 1 sigma of a lens's change: what lenses are (empty: they are held), and how sure the given one is
   // (empty: a guess). The second has a loss: a lens that the ball contradicts gives way.
   std::vector<LensChange> any_lens_sigmas{}, given_lens_sigmas{};

@@ -80,6 +80,17 @@ TimePrior time_prior(const calib::CameraTiming& timing, bool in_step) {
   return prior;
 }
 
+// The given one; otherwise rows are read within one frame, in either direction (a camera may be upside down): uniformly
+// distributed.
+ReadoutPrior any_readout(const calib::CameraTiming& timing, double frame_s) {
+  if (timing.readout_s) {
+    const TimePrior given = time_prior(timing, false);
+    return {.mean_s = given.time.readout_s, .sigma_s = given.readout_sigma_s};
+  }
+  if (!(frame_s > 0)) return {};
+  return {.mean_s = 0, .sigma_s = frame_s / std::sqrt(3.0)};
+}
+
 // 1 sigma, at 640 px of width.
 struct LensTuning {
   double log_focal, centre_px, k1, k2, higher;
@@ -317,7 +328,7 @@ std::vector<LinearOutline> WaveSolution::linear_outlines() const {
 }
 
 void WaveSolution::report_progress(const char* step, int done) const {
-  if (options_.progress) options_.progress(step, done, WaveSteps::all);
+  if (options_.progress && !is_silent_) options_.progress(step, done, WaveSteps::all);
 }
 
 const color::ColorRegion& WaveSolution::region(std::size_t f) const {
@@ -375,7 +386,11 @@ void WaveSolution::set_prior_weights(WaveAdjustmentOptions& o) const {
   o.frames_as_one.clear();
   for (const double frame_s : frame_s_)
     o.frames_as_one.push_back(variance * o.correlation.frames_as_one(std::max(1e-3, frame_s)));
-  o.any_readout_weight = held ? o.frames_as_one : std::vector<double>{};
+  o.any_readouts.clear();
+  for (std::size_t c = 0; held && c < rig_.cameras.size(); ++c) {
+    ReadoutPrior& prior = o.any_readouts.emplace_back(any_readout(rig_.cameras[c].timing, frame_s_[c]));
+    prior.weight = o.frames_as_one[c];
+  }
 }
 
 std::optional<object_tracking::BallProjection> WaveSolution::appearance(const BallFrame& frame,

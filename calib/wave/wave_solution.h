@@ -38,6 +38,8 @@ class WaveSolution {
   // One more adjustment with the association as it is; sets the covariance.
   void settle();
 
+  void silence() { is_silent_ = true; }  // no progress
+
   // The same frames with slightly other times; they must outlive it.
   void retime(const std::vector<BallFrame>& frames) { frames_ = &frames; }
   // Keeps every other piece of the recording (1/20 of it, at least a second). half: 0 or 1.
@@ -105,6 +107,7 @@ class WaveSolution {
   std::vector<int> chosen_;      // per frame: the associated region; -1: none
   std::vector<double> frame_s_;  // per camera
   double from_s_ = 0, to_s_ = 0, step_s_ = 0, longest_s_ = 0;
+  bool is_silent_ = false;              // see silence()
   bool in_step_ = false;                // the cameras' stamps are synchronised
   std::vector<double> wander_s_;        // see set_wander()
   bool rough_ = true;                   // all outlines have the same covariance

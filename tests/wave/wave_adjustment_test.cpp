@@ -192,6 +192,23 @@ TEST(WaveAdjustment, CovarianceIsThatOfRepeatedExperiments) {
   EXPECT_NEAR(readout, 1, 4 * std::sqrt(2.0 / (2 * trials)));
 }
 
+// A prior that counts often is as uncertain as it says where the outlines hardly show the readout.
+TEST(WaveAdjustment, APriorOfReadoutsKeepsItsUncertainty) {
+  Problem p = problem_of({.noise_px = 3});
+  for (BallObservation& o : p.observations) o.covariance *= 1e6;
+  p.state.times.assign(3, {});
+  p.options.times.assign(3, TimePrior{.readout_sigma_s = 1});
+  constexpr double mean_s = 0.004, sigma_s = 0.019;
+  p.options.any_readouts.assign(3, {.mean_s = mean_s, .sigma_s = sigma_s, .weight = 15});
+  p.options.hold_poses = p.options.with_covariance = true;
+  const WaveFit fit = adjust_wave(p.rig, p.observations, p.state, p.options);
+  for (const std::size_t c : {0, 1, 2}) {
+    const auto i = static_cast<Eigen::Index>(2 * c + 1);
+    EXPECT_NEAR(p.state.times[c].readout_s, mean_s, 1e-3);
+    EXPECT_NEAR(std::sqrt(fit.time_covariance(i, i)), sigma_s, 0.1 * sigma_s);
+  }
+}
+
 // Another world frame and unit of length changes poses and path by that similarity, and no residual.
 TEST(WaveAdjustment, DoesNotDependOnWorldFrameAndUnit) {
   const Problem p = problem_of({});
