@@ -197,7 +197,7 @@ TEST(WaveAdjustment, APriorOfReadoutsKeepsItsUncertainty) {
   Problem p = problem_of({.noise_px = 3});
   for (BallObservation& o : p.observations) o.covariance *= 1e6;
   p.state.times.assign(3, {});
-  p.options.times.assign(3, TimePrior{.readout_sigma_s = 1});
+  p.options.times.assign(3, TimePrior{.time = {}, .readout_sigma_s = 1});
   constexpr double mean_s = 0.004, sigma_s = 0.019;
   p.options.any_readouts.assign(3, {.mean_s = mean_s, .sigma_s = sigma_s, .weight = 15});
   p.options.hold_poses = p.options.with_covariance = true;
