@@ -26,9 +26,9 @@ struct TeachCommand {
 };
 
 // Prints what was learnt, saves it to the taught file, and makes a service with this configuration on this host reload
-// it. Where the object is not tracked in the recording with it, narrower and wider ranges are tried. Returns the exit
-// status: 1 if nothing was learnt, a suggestion is open or no range passes the trial; then nothing is saved. throws
-// ConfigError and other std::exceptions with one readable line.
+// it. Of the ranges' widths the one is saved with which the recording is tracked best. Returns the exit status: 1 if
+// nothing was learnt, a suggestion is open or no width passes the trial; then nothing is saved. throws ConfigError and
+// other std::exceptions with one readable line.
 int teach(const TeachCommand& command, std::stop_token stop);
 
 }  // namespace huetrack::page
