@@ -28,11 +28,19 @@ std::string why_not_accepted(const Taught& taught, const calib::CameraRig& rig, 
       return fmt::format(
           "{} has another hue, by {:.0f} degrees, than what was pointed at in {}: point at the object there", where,
           std::abs(off), rig.cameras[first].name);
+  }
+  return "";
+}
+
+// Why only a trial shows whether the suggestions are right. Empty: their pictures show it.
+std::string why_doubtful(const Taught& taught, const calib::CameraRig& rig, const std::vector<std::size_t>& accepted) {
+  for (const std::size_t c : accepted) {
+    const TaughtView& view = taught.views[c];
     if (view.background_share > most_elsewhere)
       return fmt::format(
-          "the colour of {} covers {:.1f} % of its picture beside the object: point at the object there, "
-          "narrow the ranges, or ignore a rectangle",
-          where, 100 * view.background_share);
+          "the colour of what was suggested in camera {} covers {:.1f} % of its picture beside the object: point at "
+          "the object there, narrow the ranges, or ignore a rectangle",
+          rig.cameras[c].name, 100 * view.background_share);
   }
   return "";
 }
@@ -81,6 +89,7 @@ Lesson learn(const ColorTeacher& teacher, const TeachRequestOptions& request,
       lesson.narrowed_to = *steps;
     }
     lesson.why_useless = why_not_accepted(lesson.taught, teacher.rig(), first, accepted);
+    lesson.why_doubtful = why_doubtful(lesson.taught, teacher.rig(), accepted);
   } else {
     lesson.taught = held(std::move(lesson.taught));
   }

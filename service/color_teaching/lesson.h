@@ -24,6 +24,7 @@ struct Lesson {
   std::vector<std::string> namesakes;     // other targets whose colour the object has, too
   RadiusProposal radius;                  // the object's size
   std::string why_useless;                // why it must not be saved; empty: it may be
+  std::string why_doubtful;               // why it must not be saved without a trial on a recording; empty: it may be
   bool is_faint = false;                  // in some camera the ranges hold less than half of the object
 };
 

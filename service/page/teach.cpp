@@ -34,6 +34,11 @@
 namespace huetrack::page {
 namespace {
 
+// From the cameras, without a recording for a trial.
+bool is_live(const TeachCommand& command) {
+  return command.recording == std::vector<std::string>{"live"};
+}
+
 using namespace std::chrono_literals;
 
 double number_of(const std::string& text, const std::string& whole, const char* form) {
@@ -238,7 +243,7 @@ std::filesystem::path picture_of(const std::filesystem::path& folder, const cali
 void refuse_pictures_over_what_is_read(const TeachCommand& command, const config::ServiceConfig& config) {
   if (command.pictures.empty()) return;
   std::vector<std::filesystem::path> read = pipeline::files_of(config), written;
-  if (command.recording != std::vector<std::string>{"live"})
+  if (!is_live(command))
     std::ranges::copy(pipeline::files_of(recordings::read_recording(command.recording)), std::back_inserter(read));
   for (const calib::Camera& camera : config.rig.cameras) written.push_back(picture_of(command.pictures, camera));
   pipeline::refuse_outputs({.files = std::move(written)}, read);
@@ -322,8 +327,10 @@ void print_lesson(const color_teaching::Lesson& lesson, const calib::CameraRig& 
 
 // Whether it may be saved; prints the reason if not.
 bool is_worth_writing(const color_teaching::Lesson& lesson, const TeachCommand& command) {
-  if (!lesson.why_useless.empty()) {
-    fmt::print(stderr, "huetrackd: nothing is saved: {}\n", lesson.why_useless);
+  const std::string& why_not =
+      lesson.why_useless.empty() && is_live(command) ? lesson.why_doubtful : lesson.why_useless;
+  if (!why_not.empty()) {
+    fmt::print(stderr, "huetrackd: nothing is saved: {}\n", why_not);
     return false;
   }
   if (lesson.unconfirmed.empty()) return true;
@@ -376,12 +383,10 @@ int teach(const TeachCommand& command, std::stop_token stop) {
   const object_tracking::TargetOptions& target = target_of(config, command.target);
   refuse_pictures_over_what_is_read(command, config);
   const Pointing pointing = pointing_of(command, config);
-  const std::vector<std::string> live{"live"};
   const Pictures pictures =
-      command.recording == live
-          ? Pictures{.set = live_pictures(config, pointing.frames, stop),
-                     .numbers = std::vector(config.rig.cameras.size(), pointing.frames.begin()->second)}
-          : recorded_pictures(config, command.recording, pointing.frames, stop);
+      is_live(command) ? Pictures{.set = live_pictures(config, pointing.frames, stop),
+                                  .numbers = std::vector(config.rig.cameras.size(), pointing.frames.begin()->second)}
+                       : recorded_pictures(config, command.recording, pointing.frames, stop);
   color_teaching::ColorTeacher teacher(config.rig, pictures.set, pictures.elsewhen);
   for (const capture::FrameSet& moment : pictures.moments)
     if (!teacher.add_moment(moment)) break;
@@ -398,7 +403,7 @@ int teach(const TeachCommand& command, std::stop_token stop) {
   if (!is_worth_writing(lesson, command)) return 1;
   if (command.dry_run && !command.accept) return 0;
   TriedLesson tried = teaching.untried(std::move(lesson));
-  if (command.recording != live && !teaching.passes(tried, stop)) return 1;
+  if (!is_live(command) && !teaching.passes(tried, stop)) return 1;
   if (command.dry_run) return 0;
   save_lesson(tried, command, config, target, pointing.request.ignored);
   tell_services(config);

@@ -45,6 +45,7 @@ bool is_elsewhere(const ColorTrial& trial, const color_teaching::Lesson& lesson)
 
 // is_sized: the radius is configured.
 std::string what_to_try(const color_teaching::Lesson& lesson, const ColorTrial& trial, bool is_sized) {
+  if (!lesson.why_doubtful.empty()) return lesson.why_doubtful;
   return std::string(is_elsewhere(trial, lesson) ? "if that is another such object, raise the target's count; else "
                                                  : "") +
          "give its place in every camera (--at), or where it is larger, or in another frame" +
@@ -107,7 +108,9 @@ TriedLesson TriedTeaching::best_width(TriedLesson best, const std::stop_token& s
   const int learnt_with = best.lesson.narrowed_to.value_or(0);
   const std::size_t open = best.lesson.unconfirmed.size();
   std::optional<int> used;
+  const bool covers_much = !best.lesson.why_doubtful.empty();
   for (const int direction : {-1, 1}) {
+    if (direction > 0 && covers_much) continue;  // wider ones cover more
     for (int step = 1; step <= furthest && !stop.stop_requested(); ++step) {
       const int wider = learnt_with + step * direction;
       if (wider == 0) continue;  // 0: narrowed once more

@@ -179,9 +179,13 @@ TEST(Lesson, OfAcceptedSuggestionsNarrowerRangesLeaveAnotherThingOut) {
     EXPECT_FALSE(color::contains(view.color, other));
     EXPECT_GE(view.object_share, least_object_share);
   }
-  // A requested width is used.
+  EXPECT_EQ(accepted.why_doubtful, "");
+  // A requested width is used: only a trial can show that the suggestions are right.
   request.wider = 1;
-  EXPECT_FALSE(learn(teacher, request, {target}, target, {}).narrowed_to);
+  const Lesson wider = learn(teacher, request, {target}, target, {});
+  EXPECT_FALSE(wider.narrowed_to);
+  EXPECT_EQ(wider.why_useless, "");
+  EXPECT_THAT(wider.why_doubtful, testing::HasSubstr("of its picture beside the object"));
 }
 
 }  // namespace
