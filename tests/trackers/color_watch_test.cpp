@@ -109,7 +109,7 @@ TEST(ColorFollower, MovesAsLittleAsItMust) {
   EXPECT_THAT(wanted_shift(taught, seen_at(11, 0.7, 0.5)), Each(0));  // 14 from the end: twice 3 and the noise
   EXPECT_NEAR(wanted_shift(taught, seen_at(22, 0.7, 0.5))[0], 10, 1e-9);
   EXPECT_NEAR(wanted_shift(taught, seen_at(-22, 0.7, 0.5))[0], -10, 1e-9);
-  EXPECT_EQ(wanted_shift(taught, seen_at(90, 0.7, 0.5))[0], 20);  // another colour
+  EXPECT_EQ(wanted_shift(taught, seen_at(90, 0.7, 0.5))[0], furthest_followed[0]);  // another colour
   EXPECT_NEAR(wanted_shift(taught, seen_at(0, 0.37, 0.5))[1], -0.05, 1e-9);
   EXPECT_NEAR(wanted_shift(taught, seen_at(0, 0.02, 0.5))[1], -0.15, 1e-9);
   EXPECT_NEAR(wanted_shift({65, 115, 0.2, 1, 0.1, 0.9}, seen_at(0, 0.02, 0.5))[1], -0.05, 1e-9);  // greys begin
@@ -225,7 +225,7 @@ TEST_F(Wandering, AdaptingKeepsTheObject) {
   EXPECT_EQ(course.lost_at(), std::numeric_limits<double>::infinity());
   for (const ColorHealth& health : course.healths.back()) {
     EXPECT_GT(health.followed[0], 12);
-    EXPECT_LE(health.followed[0], 20);
+    EXPECT_LE(health.followed[0], furthest_followed[0]);
   }
   // And the same way every time.
   EXPECT_EQ(follow(lime(true), film), course);
