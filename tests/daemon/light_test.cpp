@@ -9,6 +9,7 @@
 #include "calib/model/rig_yaml.h"
 #include "daemon/replay.h"
 #include "doctor/light_exam.h"
+#include "object_tracking/trackers/color_follower.h"
 #include "recordings/recording_writer.h"
 #include "reports/light_words.h"
 #include "scene/scene.h"
@@ -136,7 +137,7 @@ TEST(ColorWarning, NamesDirectionAndMargin) {
   EXPECT_THAT(reports::color_warning(ball, "cam1", health, false), HasSubstr("0.04 beyond its range"));
   ball.adapts_color = true;
   EXPECT_THAT(reports::color_warning(ball, "cam1", health, false), HasSubstr("color: adapt follows it"));
-  health.followed[1] = -0.15;
+  health.followed[1] = -object_trackers::furthest_followed[1];
   EXPECT_THAT(reports::color_warning(ball, "cam1", health, false), HasSubstr("has reached its limit"));
 }
 
