@@ -35,6 +35,7 @@ constexpr std::pair<Fault, std::string_view> advices[] = {
     {Fault::too_little_motion, "Wave it through the whole volume"},
     {Fault::motion_in_a_plane, "wave it through the whole volume, up and down and towards the cameras too"},
     {Fault::undetermined_poses, "carry it through the whole volume, up and down and towards the cameras"},
+    {Fault::hidden_ball, "wave it on a thin stick, or throw it"},
     {Fault::unconnected_cameras, "Wave it where both see it"},
     {Fault::contradicting_motion,
      "is its colour seen on anything else that moves? Wave for longer, through the whole volume, or begin with a rig "

@@ -28,6 +28,7 @@ enum class Fault {
   too_little_motion,
   motion_in_a_plane,
   undetermined_poses,  // by the ball's motion
+  hidden_ball,         // by a hand, too much
   unconnected_cameras,
   contradicting_motion,  // no two cameras agree
   unplaced_camera,

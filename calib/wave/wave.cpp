@@ -373,7 +373,7 @@ struct Halves {
   Eigen::MatrixXd covariance;
 };
 
-// True less found, if b is true and a is found.
+// b less a, as WaveFit::covariance.
 Eigen::VectorXd difference_of(const WaveState& a, const WaveState& b) {
   const auto n = static_cast<Eigen::Index>(a.cam_from_world.size());
   Eigen::VectorXd difference((6 + lens_freedom) * n);
@@ -412,8 +412,8 @@ struct OtherStart {
   std::vector<CameraTime> times;  // differences
 };
 
-// Of a start that is as wrong as ConsistencyTuning allows. Where a hand hides the ball, the start decides which regions
-// pass for it. throws CalibrationError: nothing is found from there
+// Of a start that is a little wrong. Where a hand hides the ball, the start decides which regions are associated with
+// it. throws CalibrationError: nothing is found from there
 OtherStart compare_starts(const WaveSolution& whole) {
   constexpr double turned_rad = 0.035, aside_m = 0.05;
   WaveStart start{whole.state().cam_from_world};
@@ -429,9 +429,9 @@ OtherStart compare_starts(const WaveSolution& whole) {
   } catch (const solver::CalibrationError&) {
     throw solver::CalibrationError(
         fmt::format("the camera poses are not determined: from a start that is {:.0f} cm and {:.0f} degrees aside "
-                    "nothing is found, as a hand hides too much of the ball: wave it on a thin stick, or throw it",
+                    "nothing is found, as a hand hides too much of the ball",
                     1e2 * aside_m, turned_rad * 180 / std::numbers::pi),
-        solver::Fault::undetermined_poses);
+        solver::Fault::hidden_ball);
   }
   const auto size_of = [](const WaveSolution& s) {
     double sum = 0;
@@ -440,6 +440,10 @@ OtherStart compare_starts(const WaveSolution& whole) {
     return sum;
   };
   Similarity{.scale = size_of(whole) / size_of(other)}.apply(other.state());
+  // Both in one world: differences are propagated linearly, which removes only small motions of the whole.
+  const calib::Rigid3d motion =
+      calib::inverse(other.state().cam_from_world.front()) * whole.state().cam_from_world.front();
+  for (calib::Rigid3d& pose : other.state().cam_from_world) pose = pose * motion;
   OtherStart out{.difference = difference_of(whole.state(), other.state()), .times = other.state().times};
   for (std::size_t c = 0; c < out.times.size(); ++c) {
     out.times[c].latency_s -= whole.state().times[c].latency_s;

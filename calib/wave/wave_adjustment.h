@@ -70,7 +70,7 @@ struct OutlineCorrelation {
 Eigen::MatrixXd propagated(const Eigen::MatrixXd& gain, const std::vector<BallObservation>& observations,
                            std::size_t cameras, const OutlineCorrelation& correlation);
 
-// What the readout of a camera of its kind is, without a loss.
+// Of a readout: the rig's, or what cameras have. Normal, without a robust loss.
 struct ReadoutPrior {
   double mean_s = 0, sigma_s = 0.03;  // sigma_s > 0
   double weight = 1;                  // how often it counts, see WaveAdjustmentOptions::frames_as_one

@@ -38,7 +38,7 @@ std::string why_doubtful(const Taught& taught, const calib::CameraRig& rig, cons
     const TaughtView& view = taught.views[c];
     if (view.background_share > most_elsewhere)
       return fmt::format(
-          "the colour of what was suggested in camera {} covers {:.1f} % of its picture beside the object: point at "
+          "the colour of what was suggested in camera {} covers {:.1f} % of its picture outside the object: point at "
           "the object there, narrow the ranges, or ignore a rectangle",
           rig.cameras[c].name, 100 * view.background_share);
   }

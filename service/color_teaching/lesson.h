@@ -4,7 +4,8 @@
 //   pictures of a moment -> ColorTeacher   from a recording, from cameras, or frozen for a page
 //   points               -> TeachRequestOptions
 //   learn()              -> Lesson
-//   save                 -> the caller writes Lesson::target, unless why_useless says why not
+//   save                 -> the caller writes Lesson::target, unless why_useless says why not; where why_doubtful
+//                           is not empty, only after a trial on a recording
 #pragma once
 
 #include <optional>

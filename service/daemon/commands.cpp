@@ -303,8 +303,11 @@ void add_teach_command(CLI::App& app, Command& chosen) {
                     "use the radius measured in the pictures instead of the configured one");
   command->add_flag("--only", teaching->only,
                     "save it although a suggestion in another camera is neither confirmed nor accepted");
-  command->add_flag("--force", teaching->force, "save it although the object is not tracked with it in the recording");
-  command->add_option("--wider", teaching->wider, "widen the ranges by this many steps; negative: narrow them")
+  command->add_flag("--force", teaching->force,
+                    "save it although the object is not tracked with it in the recording; not what was accepted");
+  command
+      ->add_option("--wider", teaching->wider,
+                   "widen the ranges by this many steps; negative: narrow them; 0: as a trial on the recording decides")
       ->check(CLI::Range(-50, 50));
   command
       ->add_option("--ignore", teaching->ignore,

@@ -34,7 +34,7 @@ constexpr Eigen::Index times_at = 7;            // layout: the readout of the re
 constexpr double least_time_variance_s2 =
     1e-16;  // maths: of times that are given exactly, so that they have an inverse
 
-// What the rig states without a sigma is right to the same moment.
+// A time that the rig states without a sigma has `same_time_s` as 1 sigma.
 double variance_of(const std::optional<double>& value, const std::optional<double>& sigma) {
   const double s = sigma.value_or(value ? sighting_tuning.same_time_s : time_prior.unknown_sigma_s);
   return s * s;

@@ -395,15 +395,18 @@ int teach(const TeachCommand& command, std::stop_token stop) {
                                pictures.set.frames[first_camera]->captured_at);
   color_teaching::Lesson lesson = teaching.learn(command.wider);
   const bool is_sized = !target.is_radius_assumed;
-  print_lesson(lesson, config.rig, pictures.numbers, is_sized ? std::optional(target.radius_m) : std::nullopt);
-  if (!command.pictures.empty()) {
-    draw(command.pictures, config.rig, pictures.set, lesson.taught);
+  const auto show = [&](const color_teaching::Lesson& learnt) {
+    print_lesson(learnt, config.rig, pictures.numbers, is_sized ? std::optional(target.radius_m) : std::nullopt);
+    if (command.pictures.empty()) return;
+    draw(command.pictures, config.rig, pictures.set, learnt.taught);
     fmt::print("pictures with matching pixels in pink: {}\n", command.pictures.string());
-  }
+  };
+  show(lesson);
   if (!is_worth_writing(lesson, command)) return 1;
   if (command.dry_run && !command.accept) return 0;
   TriedLesson tried = teaching.untried(std::move(lesson));
   if (!is_live(command) && !teaching.passes(tried, stop)) return 1;
+  if (tried.is_of_other_width) show(tried.lesson);
   if (command.dry_run) return 0;
   save_lesson(tried, command, config, target, pointing.request.ignored);
   tell_services(config);

@@ -82,6 +82,7 @@ TriedLesson TriedTeaching::untried(color_teaching::Lesson lesson) const {
 
 void TriedTeaching::try_it(TriedLesson& tried, const std::stop_token& stop) const {
   tried.trial = try_color(config_, command_.recording, tried.lesson.target, seen_, stop);
+  if (stop.stop_requested()) throw std::runtime_error("stopped during the trial: nothing is saved");
 }
 
 bool TriedTeaching::passes(TriedLesson& tried, const std::stop_token& stop) const {
@@ -92,14 +93,15 @@ bool TriedTeaching::passes(TriedLesson& tried, const std::stop_token& stop) cons
     fmt::print("With the learnt colour, {}: narrower and wider ranges are tried\n", words(tried));
     tried = best_width(std::move(tried), stop);
   }
-  if (tried.holds() || (command_.force && !command_.accept)) {
+  const bool may_be_forced = tried.lesson.accepted.empty();
+  if (tried.holds() || (command_.force && may_be_forced)) {
     fmt::print("{} the learnt colour, {}\n", tried.is_found() ? "With" : "Warning: with", words(tried));
     return true;
   }
   fmt::print(stderr, "huetrackd: nothing is saved: with the learnt colour, {}{}: {}{}\n", words(tried),
-             depends_on_width ? ", nor with narrower or wider ranges" : "",
+             depends_on_width ? ", nor with other ranges" : "",
              other.empty() ? what_to_try(tried.lesson, tried.trial, is_sized()) : other,
-             command_.accept ? "" : "; --force saves it nevertheless");
+             may_be_forced ? "; --force saves it anyway" : "");
   return false;
 }
 
@@ -111,7 +113,7 @@ TriedLesson TriedTeaching::best_width(TriedLesson best, const std::stop_token& s
   const bool covers_much = !best.lesson.why_doubtful.empty();
   for (const int direction : {-1, 1}) {
     if (direction > 0 && covers_much) continue;  // wider ones cover more
-    for (int step = 1; step <= furthest && !stop.stop_requested(); ++step) {
+    for (int step = 1; step <= furthest; ++step) {
       const int wider = learnt_with + step * direction;
       if (wider == 0) continue;  // 0: narrowed once more
       color_teaching::Lesson lesson = learn(wider);
@@ -122,10 +124,10 @@ TriedLesson TriedTeaching::best_width(TriedLesson best, const std::stop_token& s
       fmt::print("  --wider {}: {}\n", wider, words(next));
       const bool is_better = next.precision() > best.precision();
       if (!is_better && best.is_found()) break;
-      if (is_better) best = std::move(next), used = wider;
+      if (is_better) best = std::move(next), best.is_of_other_width = true, used = wider;
     }
   }
-  if (used) fmt::print("So the ranges of --wider {} are used\n", *used);
+  if (used) fmt::print("So the ranges of --wider {} are used:\n", *used);
   return best;
 }
 

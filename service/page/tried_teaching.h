@@ -16,6 +16,7 @@ struct TriedLesson {
   color_teaching::Lesson lesson;
   std::optional<double> radius_m;  // to be written
   ColorTrial trial = {};
+  bool is_of_other_width = false;  // than what was learnt first
 
   bool is_found() const { return trial.is_sure && trial.is_found(); }
   double precision() const { return is_found() ? trial.precision() : 0; }
@@ -39,7 +40,7 @@ class TriedTeaching {
   TriedLesson untried(color_teaching::Lesson lesson) const;
 
   // Prints the trials' results, and returns whether the lesson may be saved. Narrower and wider ranges are tried as
-  // well, and the best replaces the lesson.
+  // well, and the best replaces the lesson. throws std::runtime_error: stopped
   bool passes(TriedLesson& tried, const std::stop_token& stop) const;
 
  private:

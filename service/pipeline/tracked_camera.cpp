@@ -39,7 +39,7 @@ std::string no_pose_warning(const std::string& camera, const TrackedCameraFigure
                      figures.why.empty() ? "" : ": ", figures.why);
 }
 
-// Of a readout that is known to the same moment.
+// Empty unless the readout's sigma is below `same_time_s`.
 std::string readout_text(const TrackedCameraFigures& figures) {
   if (!(figures.readout_sigma_s < object_tracking::sighting_tuning.same_time_s)) return {};
   return fmt::format("readout {:.1f} ms +- {:.1f}", 1e3 * figures.readout_s, 1e3 * figures.readout_sigma_s);

@@ -17,7 +17,7 @@ namespace huetrack::reports {
 struct ReportsOptions {
   std::filesystem::path write_rig = {};  // CameraTimes: rig with estimated timing; empty: no file
   bool is_logging_times = false;         // CameraTimes
-  bool is_recorded = false;              // LightReport
+  bool is_recorded = false;              // LightReport, MistakeReport
 };
 
 // The constructor adds all reports to the session. Outlives the session's run.

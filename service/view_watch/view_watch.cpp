@@ -51,7 +51,7 @@ constexpr ConsistencyTuning consistency{};
 const double agrees = std::sqrt(consistency.disagrees);
 // As far beyond disagreement as that is beyond what is expected, 1. Worst pair from which it is reported without
 // explanation; best pair, twice: other rig.
-constexpr double contradicts = 2 * consistency.disagrees - 1;
+constexpr double contradicting_worst = 2 * consistency.disagrees - 1;
 // Cost from which a small turn is tested, once a second: twice what is noise at least.
 constexpr double turned_score = 2 * pair_sampling.least_noise2;
 constexpr double forgotten_after_s = 2 * pair_sampling.window_s;  // what was found once
@@ -230,10 +230,10 @@ class FaultHypotheses {
   std::optional<Mistake> best() {
     if (answers_.empty()) {
       const auto other = of_other_rig();
-      return other || as_is_.worst < contradicts ? other
-                                                 : Mistake{.kind = MistakeKind::contradiction,
-                                                           .off_px = as_is_.worst_px,
-                                                           .do_some_agree = best_pair() < agrees};
+      return other || as_is_.worst < contradicting_worst ? other
+                                                         : Mistake{.kind = MistakeKind::contradiction,
+                                                                   .off_px = as_is_.worst_px,
+                                                                   .do_some_agree = best_pair() < agrees};
     }
     std::ranges::stable_sort(answers_, {}, cost);
     join_turn_and_zoom();
@@ -347,7 +347,7 @@ class FaultHypotheses {
     const std::size_t n = rig_.cameras.size();
     if (as_is_.pairs < n * (n - 1) / 2) return std::nullopt;
     const double best = best_pair();
-    if (best < 2 * contradicts || best == std::numeric_limits<double>::infinity()) return std::nullopt;
+    if (best < 2 * contradicting_worst || best == std::numeric_limits<double>::infinity()) return std::nullopt;
     return Mistake{.kind = MistakeKind::other_rig, .off_px = as_is_.worst_px};
   }
 

@@ -185,7 +185,7 @@ TEST(Lesson, OfAcceptedSuggestionsNarrowerRangesLeaveAnotherThingOut) {
   const Lesson wider = learn(teacher, request, {target}, target, {});
   EXPECT_FALSE(wider.narrowed_to);
   EXPECT_EQ(wider.why_useless, "");
-  EXPECT_THAT(wider.why_doubtful, testing::HasSubstr("of its picture beside the object"));
+  EXPECT_THAT(wider.why_doubtful, testing::HasSubstr("of its picture outside the object"));
 }
 
 }  // namespace

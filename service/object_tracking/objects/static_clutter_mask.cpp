@@ -23,7 +23,7 @@ struct StaticClutterTuning {
   float min_noise = 1;          // grey values, 1 sigma of a masked pixel's noise
 };
 constexpr StaticClutterTuning static_clutter{};
-// Of an image; the number of grid points of the colour is known to its root.
+// Of an image: 16 grid points, four sigmas of their Poisson noise.
 constexpr double min_share = sighting_tuning.gate_nis / static_clutter.share_points;
 // Hysteresis: half-way, in logarithms, to what the objects could cover.
 const double shared_below = std::sqrt(clutter_history.shared_above);

@@ -29,9 +29,8 @@ struct ColorFollowerTuning {
   double least_saturation = 0.15;  // a range below it would hold greys
   double longest_unseen_s = 1;     // older measurements of the colour are not used
   double forgotten_after_s = 10;   // of a lost object, the taught range is used again
-  double well_inside = 2;  // where a range moves to: ends this much further from the median than ColorWatch warns at
-  // From where on it moves, likewise; and where a warning ends.
-  double just_inside = 1.5;
+  double well_inside = 2;    // where a range moves to: ends this much further from the median than ColorWatch warns at
+  double just_inside = 1.5;  // from where on it moves, likewise; a warning ends there
 };
 inline constexpr ColorFollowerTuning color_follower{};
 inline constexpr PerColorAxis furthest_followed{color_follower.furthest_noises * color_noise[0],

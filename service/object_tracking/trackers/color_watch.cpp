@@ -129,7 +129,8 @@ void ColorWatch::update(const capture::FrameSet& set, const ObjectEstimate& esti
     const auto seen = color_inside(*picture, view.px, color_watch.inner_radii * view.radius_px, camera.hue_origin_deg);
     if (!seen) continue;
     const double pause_s = capture::seconds(set.at - std::exchange(camera.health.seen_at, set.at));
-    if (!camera.health.seen || pause_s < 0) {
+    // What was measured so long ago no longer counts: several looks are needed again.
+    if (!camera.health.seen || pause_s < 0 || pause_s > color_watch.least_looks * color_watch.smoothing_s) {
       camera.health.seen = seen;
       camera.looks = 1;
       continue;

@@ -64,7 +64,7 @@ inline constexpr ColorNoiseTuning color_noise_tuning{};
 inline constexpr PerColorAxis color_noise{color_noise_tuning.hue_deg, color_noise_tuning.share,
                                           color_noise_tuning.share};
 
-// Of the pixels within inner_px of px; nullopt: too few, or not all inside of the image.
+// Of the pixels within inner_px of px; nullopt: not all inside of the image.
 std::optional<SeenColor> color_inside(const capture::Image& image, const Eigen::Vector2f& px, float inner_px,
                                       double hue_origin_deg);
 

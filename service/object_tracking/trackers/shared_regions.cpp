@@ -14,7 +14,7 @@ using namespace objects;
 
 namespace {
 
-// A region this near may be the object in a camera that was turned: beyond what lies within the extent of both.
+// A region this near may be the object in a camera that was turned: twice the largest extent of one object.
 constexpr double elsewhere_radii = 2 * sighting_tuning.extent_radii;
 // Regions are also searched here around an expected centre: half-way to where a part of the object may be.
 constexpr double probe_radii = sighting_tuning.part_radii / 2;

@@ -98,7 +98,7 @@ function parted(warning: string): { names: string[]; rest: string } {
   const [, whole, colored, words] = /^((\S+) in \S+): (.*)$/s.exec(warning) ?? []; // a target's colour in a camera
   if (store.status?.targets.includes(colored)) return { names: [whole], rest: words };
   const [, several, are] = /^the time stamps of (.+) are (wrong.*)$/s.exec(warning) ?? [];
-  if (several) return { names: several.split(" and "), rest: `time stamps are ${are}` };
+  if (several) return { names: several.split(/, | and /), rest: `time stamps are ${are}` };
   const target = /^target (\S+) (.*)$/s.exec(warning);
   if (target) return { names: [target[1].replace(/:$/, "")], rest: target[2] };
   const camera = /^(?:camera )?(\S+?)('s)? (.*)$/s.exec(warning);
