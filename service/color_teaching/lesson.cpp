@@ -16,12 +16,16 @@ double middle_hue(const color::HsiRange& range) {
   return range.hue_min_deg + std::fmod(range.hue_max_deg - range.hue_min_deg + 720, 360) / 2;
 }
 
+std::string suggested_in(const calib::CameraRig& rig, std::size_t camera) {
+  return "what was suggested in camera " + rig.cameras[camera].name;
+}
+
 // Why suggestions must not be accepted unseen. Empty: they may be.
 std::string why_not_accepted(const Taught& taught, const calib::CameraRig& rig, std::size_t first,
                              const std::vector<std::size_t>& accepted) {
   for (const std::size_t c : accepted) {
     const TaughtView& view = taught.views[c];
-    const std::string where = "what was suggested in camera " + rig.cameras[c].name;
+    const std::string where = suggested_in(rig, c);
     if (!view.pointed) return where + " is no region of one colour: point at the object there";
     const double off = std::remainder(middle_hue(view.color) - middle_hue(taught.views[first].color), 360.0);
     if (std::abs(off) > furthest_hue_deg)
@@ -38,9 +42,9 @@ std::string why_doubtful(const Taught& taught, const calib::CameraRig& rig, cons
     const TaughtView& view = taught.views[c];
     if (view.background_share > most_elsewhere)
       return fmt::format(
-          "the colour of what was suggested in camera {} covers {:.1f} % of its picture outside the object: point at "
-          "the object there, narrow the ranges, or ignore a rectangle",
-          rig.cameras[c].name, 100 * view.background_share);
+          "the colour of {} covers {:.1f} % of its picture outside the object: point at the object there, narrow the "
+          "ranges, or ignore a rectangle",
+          suggested_in(rig, c), 100 * view.background_share);
   }
   return "";
 }

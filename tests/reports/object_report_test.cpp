@@ -7,6 +7,18 @@
 namespace huetrack::reports {
 namespace {
 
+// A frame set without pictures.
+void show(ObjectReport& report, const std::vector<object_tracking::ObjectEstimate>& estimates,
+          const std::vector<std::vector<view_watch::Mistake>>& mistakes) {
+  const capture::FrameSet frames;
+  report.on_set({.frames = frames,
+                 .estimates = estimates,
+                 .received_at = {},
+                 .trackers = {},
+                 .calibration = {},
+                 .mistakes = mistakes});
+}
+
 using testing::AllOf;
 using testing::HasSubstr;
 
@@ -35,13 +47,7 @@ TEST(ObjectReport, WarnsOfATargetWhoseSigmaExceedsItsRadius) {
     estimate.covariance = sigma_m * sigma_m * Eigen::Matrix3d::Identity();
     for (int k = 0; k < sets; ++k) {
       const std::vector<object_tracking::ObjectEstimate> estimates{estimate};
-      capture::FrameSet frames;
-      report.on_set({.frames = frames,
-                     .estimates = estimates,
-                     .received_at = {},
-                     .trackers = {},
-                     .calibration = {},
-                     .mistakes = mistakes});
+      show(report, estimates, mistakes);
     }
   };
   see(150, 0.005);
@@ -77,13 +83,7 @@ TEST(ObjectReport, NamesTwoTargetsOnOneObject) {
     estimates[0].position = {0, 0, 1}, estimates[1].position = {apart_m, 0, 1};
     estimates[1].target = 1;
     for (int k = 0; k < sets; ++k) {
-      capture::FrameSet frames;
-      report.on_set({.frames = frames,
-                     .estimates = estimates,
-                     .received_at = {},
-                     .trackers = {},
-                     .calibration = {},
-                     .mistakes = {}});
+      show(report, estimates, {});
     }
   };
   const double radius_m = config.targets[0].radius_m;
