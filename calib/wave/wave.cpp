@@ -459,12 +459,12 @@ struct PlacesErrors {
   bool has_volume() const { return in_volume && in_volume->places > 0; }
 };
 
-// widen: factor on standard deviations. by_start: see OtherStart; empty: 0.
+// widen: factor on standard deviations. by_start: see OtherStart.
 void set_timing(WaveResult& result, const WaveSolution& wave, double widen, const std::vector<CameraTime>& by_start) {
   for (std::size_t c = 0; c < result.cameras.size(); ++c) {
     const CameraTime& time = wave.state().times[c];
     const auto at = 2 * static_cast<Eigen::Index>(c);
-    const CameraTime off = by_start.empty() ? CameraTime{} : by_start[c];
+    const CameraTime& off = by_start[c];
     const auto sigma = [&](Eigen::Index i, double least, double by_start_s) {
       const double variance = wave.fit().time_covariance(i, i);
       return variance > 0 ? std::hypot(widen * std::sqrt(variance), least, by_start_s) : 0;
@@ -485,17 +485,16 @@ Eigen::MatrixXd set_uncertainties(WaveResult& result, const WaveSolution& wave, 
   result.halves_m = errors.along_path.rms(halves.difference * halves.difference.transpose());
   result.halves_sigma_m = errors.along_path.rms(halves.covariance);
   // Inflation where they differ by more than their covariance predicts.
-  double widen = result.halves_sigma_m > 0 ? std::max(1.0, result.halves_m / result.halves_sigma_m) : 1;
+  const double widen = result.halves_sigma_m > 0 ? std::max(1.0, result.halves_m / result.halves_sigma_m) : 1;
   const double sigma_m = errors.along_path.rms(wave.fit().covariance);
+  OtherStart other{.difference = {}, .times = std::vector<CameraTime>(n)};
+  double widen_poses = widen;
   if (wave.is_held() && sigma_m > 0) {
-    const OtherStart other = compare_starts(wave);
-    set_timing(result, wave, widen, other.times);
-    const double off_m = errors.along_path.rms(other.difference * other.difference.transpose());
-    widen = std::max(widen, off_m / sigma_m);
-  } else {
-    set_timing(result, wave, widen, {});
+    other = compare_starts(wave);
+    widen_poses = std::max(widen, errors.along_path.rms(other.difference * other.difference.transpose()) / sigma_m);
   }
-  const Eigen::MatrixXd covariance = widen * widen * wave.fit().covariance;
+  set_timing(result, wave, widen, other.times);
+  const Eigen::MatrixXd covariance = widen_poses * widen_poses * wave.fit().covariance;
   for (std::size_t c = 0; c < n; ++c) {
     WaveCamera& camera = result.cameras[c];
     const Eigen::MatrixXd by_poses = (errors.has_volume() ? *errors.in_volume : errors.along_path)
