@@ -1,8 +1,8 @@
 # The Debian packages that huetrack needs, in one place, and how they are installed. Sourced by configs/demo/run.sh and
 # tests/run.sh; not a program of its own.
 
-# huetrackd and huetrack, without the page of `huetrack view`
-packages_demo="g++ cmake ninja-build pkg-config
+# huetrackd and huetrack (g++: its preprocessor is that of fastddsgen), without the page of `huetrack view`
+packages_demo="clang-16 g++ cmake ninja-build pkg-config
   libeigen3-dev libyaml-cpp-dev libfmt-dev libspdlog-dev libcli11-dev
   libsystemd-dev libmicrohttpd-dev nlohmann-json3-dev libsqlite3-dev zlib1g-dev liblz4-dev libzstd-dev libbz2-dev libcairo2-dev fonts-dejavu-core libopencv-dev
   libavformat-dev libavcodec-dev libavutil-dev libswscale-dev libjpeg62-turbo-dev
@@ -50,14 +50,12 @@ install_missing() {
 }
 
 # build_huetrack FOLDER "CMAKE OPTIONS" TARGETS...: configures and builds with Ninja; prints the time that it took. In a new
-# folder a module's files are compiled together, which halves the time, and GCC may have a gigabyte before it looks for what
-# it can free, which saves a sixteenth. For development, configure first (cmake --preset release): then only changed
-# files are compiled again.
+# folder a module's files are compiled together, which halves the time. For development, configure first
+# (cmake --preset release): then only changed files are compiled again.
 build_huetrack() {
   local folder="$1" options="$2" root start=$SECONDS
   shift 2
-  [ -e "$folder/CMakeCache.txt" ] ||
-    options="$options -DCMAKE_UNITY_BUILD=ON -DCMAKE_CXX_FLAGS=--param=ggc-min-heapsize=1048576"
+  [ -e "$folder/CMakeCache.txt" ] || options="$options -DCMAKE_UNITY_BUILD=ON"
   root="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
   echo "== building in $folder"
   # shellcheck disable=SC2086

@@ -288,7 +288,7 @@ void measure_markers(const Board& board, const Markers& markers, BoardDetection&
   std::vector<double> sides, sides_px;
   for (const auto& [id, corners] : markers) {
     for (std::size_t k = 0; k < 4; ++k) {
-      const auto on_board = [&](const cv::Point2f& p) { return apply(onto_board, double{p.x}, double{p.y}); };
+      const auto on_board = [&](const cv::Point2f& p) { return apply(onto_board, double(p.x), double(p.y)); };
       sides.push_back((on_board(corners[k]) - on_board(corners[(k + 1) % 4])).norm());
       sides_px.push_back(cv::norm(corners[k] - corners[(k + 1) % 4]));
     }

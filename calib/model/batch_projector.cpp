@@ -4,14 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-// One copy of each kernel per instruction set, chosen at load time, when the sanitizers' run-time is not up yet.
-#if !defined(__x86_64__) || defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__) || defined(HUETRACK_NO_AVX2)
-#define HUETRACK_CLONES
-#elif defined(HUETRACK_NO_AVX512)
-#define HUETRACK_CLONES __attribute__((target_clones("avx2", "default")))
-#else
-#define HUETRACK_CLONES __attribute__((target_clones("avx512f", "avx2", "default")))
-#endif
+#include "particle_filter/vector_clones.h"
 
 namespace huetrack::calib {
 namespace {

@@ -197,7 +197,7 @@ void DiscFinder::find_peaks(double radius_px, double least) {
       for (int y = std::max(0, j - 1); y <= std::min(rows - 1, j + 1) && is_peak; ++y)
         for (int x = std::max(0, i - 1); x <= std::min(columns - 1, i + 1); ++x)
           is_peak = is_peak && scores_[std::size_t(y * columns + x)] <= here;
-      if (is_peak) peaks_.push_back({here, {{i * step - 0.5, j * step - 0.5}, radius_px}});
+      if (is_peak) peaks_.push_back({double(here), {{i * step - 0.5, j * step - 0.5}, radius_px}});
     }
   }
 }

@@ -85,7 +85,7 @@ HUETRACK_AVX512 void classify_as(const capture::Image& image, const ColorTable& 
   for (std::size_t i = 0; i < n; ++i) {
     const int u = tiles[i].pixel_u(), v = tiles[i].pixel_v();
     const __m512i upper = four_rows<format>(image, u, v), lower = four_rows<format>(image, u, v + 4);
-    if (any_below_ceiling(of_u, of_v, upper) | any_below_ceiling(of_u, of_v, lower)) {
+    if (int{any_below_ceiling(of_u, of_v, upper)} | int{any_below_ceiling(of_u, of_v, lower)}) {
       bits[i] = classify_four_rows(intervals, upper) | classify_four_rows(intervals, lower) << 32;
     } else {
       bits[i] = 0;

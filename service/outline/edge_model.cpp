@@ -49,10 +49,9 @@ inline __attribute__((always_inline)) void add_products_with(const float* a, con
 
 double sum_of(const Lanes& lanes) {
   using Four = float __attribute__((vector_size(16), may_alias));
-  using Places = int __attribute__((vector_size(16)));
   const auto* halves = reinterpret_cast<const Four*>(&lanes);
   const Four four = halves[0] + halves[1];
-  const Four two = four + __builtin_shuffle(four, Places{2, 3, 0, 1});
+  const Four two = four + __builtin_shufflevector(four, four, 2, 3, 0, 1);
   return static_cast<double>(two[0] + two[1]);
 }
 
@@ -316,8 +315,8 @@ struct EdgeSums::Chunk {
     float(*j)[most] = slopes.of;
     Sums sums;
     [[maybe_unused]] const float wider = m.exposure * m.smear2, when = m.moment[0];
-#pragma GCC ivdep  // a block and its slopes share nothing
-    for (int i = 0; i < n; ++i) {
+    HUETRACK_INDEPENDENT  // a block and its slopes share nothing
+        for (int i = 0; i < n; ++i) {
       const Lights l = lights_at(m, i);
       const float al = light.a[i], ac = color.a[i];
       const Mixed red = mixed(l, al, ac, m.red, of.red[i]), green = mixed(l, al, ac, m.green, of.green[i]),
@@ -379,8 +378,8 @@ struct EdgeSums::Chunk {
     const EdgeModel m = k;
     Sums sums;
     float* const right = slopes.of[unknowns];
-#pragma GCC ivdep  // a block and its slopes share nothing
-    for (int i = 0; i < n; ++i) {
+    HUETRACK_INDEPENDENT  // a block and its slopes share nothing
+        for (int i = 0; i < n; ++i) {
       const Lights l = lights_at(m, i);
       const float al = light.a[i], ac = color.a[i];
       const Mixed red = mixed(l, al, ac, m.red, of.red[i]), green = mixed(l, al, ac, m.green, of.green[i]),

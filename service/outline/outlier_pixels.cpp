@@ -23,10 +23,10 @@ using Block = EdgeSamples::Block;
 
 // Among n samples of a block: those well inside the outline, and those of them brighter than a matte ball.
 struct Inner {
-  int all = 0, glints = 0;
+  int all, glints;
 };
 HUETRACK_CLONES Inner count_inner(const Block& of, int n) {
-  Inner out;
+  Inner out{.all = 0, .glints = 0};
   for (int k = 0; k < n; ++k) {
     const int is_inner = of.covered[k] > outlier.well_inside ? 1 : 0;
     out.all += is_inner, out.glints += of.off[k] > robust(outlier.glint_sigmas2) ? is_inner : 0;

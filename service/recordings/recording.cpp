@@ -21,8 +21,8 @@ constexpr std::int64_t longest_sigma_ns = 1'000'000'000;  // tracking is impossi
 constexpr double longest_s = 4e9;  // |time|; far beyond any recording, and within 64 bits of nanoseconds
 
 // Nanoseconds survive even when the times are UNIX seconds.
-capture::Duration exact_duration_of(long double s) {
-  return capture::Duration(std::llround(s * 1e9L));
+capture::Duration exact_duration_of(double s) {
+  return capture::Duration(std::llround(static_cast<long double>(s) * 1e9L));
 }
 
 // A CSV with a header line and the columns frame and t_s, optionally our own; others are ignored. A truncated last row

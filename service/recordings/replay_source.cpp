@@ -378,7 +378,8 @@ class Stream {
     if (!camera_.timestamps.empty()) return camera_.timestamps[row_of(index)].second;
     if (camera_.fps == 0) return std::nullopt;
     // rounded once, from the exact time
-    return capture::Timestamp{capture::Duration(std::llround(static_cast<long double>(index) * 1e9L / camera_.fps))};
+    return capture::Timestamp{capture::Duration(
+        std::llround(static_cast<long double>(index) * 1e9L / static_cast<long double>(camera_.fps)))};
   }
 
   void report_contradictions() {

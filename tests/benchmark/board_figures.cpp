@@ -16,6 +16,7 @@
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <limits>
 #include <map>
 #include <memory>
 #include <numbers>
@@ -186,7 +187,8 @@ Capture rendered() {
   const Board board{.columns = 9, .rows = 6, .pitch = {0.06, 0.06}};
   Capture capture{"rendered/chessboard, 9x6", board, {}};
   for (const board::RenderedCorners& seen : board::rendered_corners(data("rendered/chessboard"))) {
-    std::vector<Vector2d> corners(std::size_t(board.point_count()), Vector2d::Constant(NAN));
+    std::vector<Vector2d> corners(std::size_t(board.point_count()),
+                                  Vector2d::Constant(std::numeric_limits<double>::quiet_NaN()));
     for (std::size_t i = 0; i < seen.ids.size(); ++i) corners[std::size_t(seen.ids[i])] = seen.px[i];
     std::array<char, 64> name{};
     std::snprintf(name.data(), name.size(), "rendered/chessboard/cam%d/%06d.jpg", seen.camera, seen.pose);

@@ -8,6 +8,7 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
+#include <limits>
 #include <sstream>
 
 #include "benchmark/live_process.h"
@@ -55,7 +56,7 @@ double quantile(const std::map<std::string, double>& metrics, const std::string&
     below = count;
     lower_s = bound_s;
   }
-  return INFINITY;
+  return std::numeric_limits<double>::infinity();
 }
 
 double status_mb(pid_t pid, const std::string& key) {

@@ -97,7 +97,7 @@ TEST(Lesson, RectanglesAreAddedPerCamera) {
 class OtherLight : public Test {
  protected:
   static constexpr double lit = 1, dark = 0.35;
-  static color::Rgb paint(double light) { return {float(0.45 * light), float(0.80 * light), float(0.12 * light)}; }
+  static color::Rgb paint(double light) { return {0.45 * light, 0.80 * light, 0.12 * light}; }
   static scene::Scene scene_of(const std::vector<std::pair<double, Eigen::Vector3d>>& balls) {
     scene::SceneBuilder builder;
     builder.cameras_on_ring({.count = 3, .image_size = {320, 240}, .focal_px = 300});
@@ -154,7 +154,7 @@ TEST(Lesson, OfAcceptedSuggestionsNarrowerRangesLeaveAnotherThingOut) {
   constexpr double radius_m = 0.06;
   const Eigen::Vector3d paint(0.45, 0.80, 0.12);
   const Eigen::Vector3d furniture(0.37, 0.80, 0.16);
-  const color::Hsi other = color::hsi_of({float(furniture.x()), float(furniture.y()), float(furniture.z())});
+  const color::Hsi other = color::hsi_of({furniture.x(), furniture.y(), furniture.z()});
   scene::SceneBuilder builder;
   builder.cameras_on_ring({.count = 3, .image_size = {320, 240}, .focal_px = 300});
   builder.ball({.radius_m = radius_m, .rgb = paint, .path = [](double) { return Eigen::Vector3d(0.1, 0.2, 1.1); }});

@@ -74,7 +74,7 @@ TEST_P(BatchProjectorContract, AgreesWithTheReferenceInDoublePrecision) {
   const Pixels pixels = project(BatchProjector(c), p);
   int in_image = 0, outside = 0;
   for (std::size_t i = 0; i < p.x.size(); ++i) {
-    const Eigen::Vector3d p_cam = c.cam_from_world * Eigen::Vector3d(p.x[i], p.y[i], p.z[i]);
+    const Eigen::Vector3d p_cam = c.cam_from_world * Eigen::Vector3d(double(p.x[i]), double(p.y[i]), double(p.z[i]));
     const bool pinhole = c.model.name() == "pinhole_radtan";
     const double theta = std::atan2(p_cam.head<2>().norm(), p_cam.z()), tangent = 2 * std::tan(theta / 2);
     const bool stereographic = c.model.name() == "stereographic";

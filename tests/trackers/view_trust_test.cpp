@@ -186,7 +186,7 @@ TEST(Trust, APoseReplacesTheRigs) {
   tracker.trust({});  // as the rig says, again
   double inflation_px = 0;
   run(tracker, scene, scene::render(scene, {.set_count = 60}),
-      [&](const ObjectEstimate& e) { inflation_px = e.per_view[1].inflation_px; });
+      [&](const ObjectEstimate& e) { inflation_px = double(e.per_view[1].inflation_px); });
   EXPECT_GT(inflation_px, 3);  // 2 degrees are 8 px
 }
 

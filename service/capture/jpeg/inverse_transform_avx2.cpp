@@ -6,7 +6,11 @@
 #include <immintrin.h>
 
 // All that follows, templates included. It is called where the processor has AVX2 only.
+#ifdef __clang__
+#pragma clang attribute push(__attribute__((target("avx2"))), apply_to = function)
+#else
 #pragma GCC target("avx2")
+#endif
 #include "capture/jpeg/row_transform.h"
 
 namespace huetrack::capture {
@@ -68,6 +72,10 @@ bool avx2_inverse_transform_two(const std::array<JpegBlock, 2>& blocks, const st
 }
 
 }  // namespace huetrack::capture
+
+#ifdef __clang__
+#pragma clang attribute pop
+#endif
 
 #else
 

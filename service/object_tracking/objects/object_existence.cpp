@@ -140,7 +140,7 @@ ExpectedPlace place_of(const MotionState& state, double power_density, std::span
 
 Eigen::Matrix2d association_px2(const Eigen::Matrix2d& spread, const Eigen::Vector2d& d, double probability) {
   const double kept = probability * (1 - (1 - probability) * d.dot(spread.inverse() * d));
-  return (1 / std::max<double>(std::numeric_limits<float>::epsilon(), kept) - 1) * spread;
+  return (1 / std::max(double(std::numeric_limits<float>::epsilon()), kept) - 1) * spread;
 }
 
 void ObjectExistence::begin(capture::Timestamp set_at, const Birth& birth, const std::vector<TargetView>& views,
