@@ -29,6 +29,7 @@ constexpr std::size_t most_candidates = 8;  // of one picture: the largest
 // Around a region of the colour, of its box's width and height: it may be a part of the object.
 constexpr int looked_around_px = 8;
 constexpr double looked_around = 1.5;
+constexpr double most_of_about = 2;  // of a radius that is known by regions
 constexpr double same_place_px = 2;
 constexpr double notable_patch = 0.25;  // of the object's own area: a patch that could be taken for it
 
@@ -66,12 +67,19 @@ struct GrownRegion {
   MaskRegion region;
   std::vector<color::Hsi> pixels;
 };
-// The round region that grow_region() gives around the middle of `found`; nullopt: none, or not whole.
-std::optional<GrownRegion> grown_around(const capture::Image& image, const color::ColorRegion& found) {
+// The largest radius that a ball has in the camera's picture anywhere in the volume.
+double largest_px(const calib::Camera& camera, double radius_m, const object_tracking::Volume& volume) {
+  const Eigen::Vector3d nearest = camera.centre().cwiseMax(volume.min).cwiseMin(volume.max);
+  return radius_m * camera.model.fx() / std::max(radius_m, (nearest - camera.centre()).norm());
+}
+
+// The round region that grow_region() gives around the middle of `found`; nullopt: none, or not whole. most_px: its
+// largest radius.
+std::optional<GrownRegion> grown_around(const capture::Image& image, const color::ColorRegion& found, double most_px) {
   const int u = static_cast<int>(std::lround(found.centre.x())), v = static_cast<int>(std::lround(found.centre.y()));
-  const int reach =
-      looked_around_px +
-      static_cast<int>(looked_around * (found.box.u_max - found.box.u_min + found.box.v_max - found.box.v_min + 2));
+  const int extent = found.box.u_max - found.box.u_min + found.box.v_max - found.box.v_min + 2;
+  // What was found is a part of it, whose middle is inside of it.
+  const int reach = looked_around_px + static_cast<int>(std::min(looked_around * extent, 2 * most_px));
   const color::PixelBox box{std::max(0, u - reach), std::max(0, v - reach), std::min(image.width - 1, u + reach),
                             std::min(image.height - 1, v + reach)};
   const HsiImage part = hsi_image(image, box);
@@ -130,7 +138,7 @@ MaskRegion whole_of(const MaskRegion& part, const PixelMask& object, const HsiIm
     return std::nullopt;
   };
   if (const auto whole = round_around(*moving, most_larger)) return *whole;
-  PixelMask of_its_hue = alike_pixels(image, median_chroma(image, object, part.box));
+  PixelMask of_its_hue = alike_pixels(image, object);
   for (std::size_t i = 0; i < of_its_hue.pixels.size(); ++i) of_its_hue.pixels[i] &= moving->pixels[i];
   return round_around(of_its_hue, std::numeric_limits<double>::infinity()).value_or(part);
 }
@@ -292,11 +300,8 @@ Taught ColorTeacher::teach(const TeachRequestOptions& request, const object_trac
           "a more colourful part of the object, or take a moment at which it is better lit";
       continue;
     }
-    view.pointed = true;
     view.region = regions_of(*region, 1).front();
-    view.object = *region;
-    view.color = fit_range(image, *region, background_of(view, ignored_in(request, c)), request.wider);
-    view.object_share = share_of(image, *region, view.color);
+    learn_view(view, c, *region, request);
   }
   if (!taught.any()) {
     for (std::size_t c = 0; c < images_.size(); ++c)
@@ -307,9 +312,18 @@ Taught ColorTeacher::teach(const TeachRequestOptions& request, const object_trac
   const auto first = std::ranges::find_if(taught.views, &TaughtView::pointed);
   for (TaughtView& view : taught.views)
     if (!view.pointed) view.color = first->color;
-  suggest(taught.views, volume);
+  suggest(taught.views, request, volume);
   judge_all(taught, request);
   return taught;
+}
+
+void ColorTeacher::learn_view(TaughtView& view, std::size_t camera, PixelMask object,
+                              const TeachRequestOptions& request) const {
+  view.pointed = true;
+  view.object = std::move(object);
+  view.color =
+      fit_range(*images_[camera], view.object, background_of(view, ignored_in(request, camera)), request.wider);
+  view.object_share = share_of(*images_[camera], view.object, view.color);
 }
 
 void ColorTeacher::judge_all(Taught& taught, const TeachRequestOptions& request) const {
@@ -346,10 +360,11 @@ std::vector<ColorTeacher::SeenElsewhere> ColorTeacher::seen_elsewhere(const Taug
     std::vector<ColoredRegion> candidates;
     for (const object_tracking::TargetView& view : views.look_at(moments_[m])) {
       const auto camera = std::size_t(view.index);
+      const double most_px = most_of_about * largest_px(rig_.cameras[camera], *about, volume);
       const auto& found =
           finder.components(*view.matches, grid_px, {}, usual_extent_px, view.image->width / 2, least_part_area);
       for (std::size_t i = 0; i < std::min(found.size(), most_candidates); ++i) {
-        auto grown = grown_around(*view.image, found[i]);
+        auto grown = grown_around(*view.image, found[i], most_px);
         const auto is_here = [&](const ColoredRegion& other) {
           return other.camera == camera && (other.region.centre - grown->region.centre).norm() < same_place_px;
         };
@@ -397,7 +412,8 @@ Taught ColorTeacher::held_elsewhere(Taught taught, const TeachRequestOptions& re
   return taught;
 }
 
-void ColorTeacher::suggest(std::vector<TaughtView>& views, const object_tracking::Volume& volume) const {
+void ColorTeacher::suggest(std::vector<TaughtView>& views, const TeachRequestOptions& request,
+                           const object_tracking::Volume& volume) const {
   if (!has_poses_) return;
   const auto picture = [this](std::size_t c) {
     return TaughtPicture{&rig_.cameras[c], &*images_[c], moving_[c] ? &*moving_[c] : nullptr};
@@ -414,8 +430,14 @@ void ColorTeacher::suggest(std::vector<TaughtView>& views, const object_tracking
       cameras.push_back(c);
     }
   }
-  const auto regions = suggested_regions(pointed, others, volume, moved_m_);
-  for (std::size_t i = 0; i < cameras.size(); ++i) views[cameras[i]].region = regions[i];
+  auto suggestions = suggested_regions(pointed, others, {volume, moved_m_, request.radius_m});
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    if (!suggestions[i]) continue;
+    TaughtView& view = views[cameras[i]];
+    view.region = suggestions[i]->region;
+    if (request.accepts_suggestions && view.problem.empty())
+      learn_view(view, cameras[i], std::move(suggestions[i]->pixels), request);
+  }
 }
 
 std::optional<TaughtView::Narrower> ColorTeacher::narrower(const TaughtView& view, std::size_t camera, int wider,

@@ -26,7 +26,8 @@ struct TeachRequestOptions {
   std::vector<TeachPoint> points{};           // of several in one camera the last counts
   object_tracking::IgnoredRegions ignored{};  // nothing matches in there
   int wider = 0;                              // steps; negative: narrower
-  bool accepts_suggestions = false;           // learn(): suggestions in the other cameras count as pointed at
+  bool accepts_suggestions = false;           // suggestions in the other cameras count as pointed at
+  std::optional<double> radius_m{};           // of the object, if it is known
 };
 
 struct TaughtView {
@@ -116,7 +117,9 @@ class ColorTeacher {
   // For a view with a patch: the widest ranges without it.
   std::optional<TaughtView::Narrower> narrower(const TaughtView& view, std::size_t camera, int wider,
                                                const std::vector<color::PixelBox>& ignored) const;
-  void suggest(std::vector<TaughtView>& views, const object_tracking::Volume& volume) const;
+  void suggest(std::vector<TaughtView>& views, const TeachRequestOptions& request,
+               const object_tracking::Volume& volume) const;
+  void learn_view(TaughtView& view, std::size_t camera, PixelMask object, const TeachRequestOptions& request) const;
 
   calib::CameraRig rig_;
   bool has_poses_;

@@ -59,43 +59,33 @@ std::optional<int> narrower_steps(const Taught& taught) {
 
 }  // namespace
 
-Lesson learn(const ColorTeacher& teacher, const TeachRequestOptions& request,
+Lesson learn(const ColorTeacher& teacher, const TeachRequestOptions& requested,
              const std::vector<object_tracking::TargetOptions>& targets, const object_tracking::TargetOptions& target,
              const object_tracking::Volume& volume) {
+  TeachRequestOptions request = requested;
+  if (!target.is_radius_assumed) request.radius_m = target.radius_m;
   Lesson lesson;
-  lesson.taught = teacher.teach(request, volume);
-  lesson.target = target;
-  TeachRequestOptions confirmed = request;
-  const auto held = [&](Taught taught) {
-    return teacher.held_elsewhere(std::move(taught), confirmed, volume, target.count > 1);
+  const auto taught_with = [&] {
+    return teacher.held_elsewhere(teacher.teach(request, volume), request, volume, target.count > 1);
   };
+  lesson.taught = taught_with();
+  lesson.target = target;
   if (request.accepts_suggestions && lesson.taught.any()) {
+    const auto is_clicked = [&](std::size_t c) {
+      return std::ranges::find(request.points, int(c), &TeachPoint::camera) != request.points.end();
+    };
     std::vector<std::size_t>& accepted = lesson.accepted;
-    const auto first = static_cast<std::size_t>(std::ranges::find_if(lesson.taught.views, &TaughtView::pointed) -
-                                                lesson.taught.views.begin());
-    // An accepted suggestion helps to find the object in further views, which are accepted, too.
-    for (std::size_t before = 0;;) {
-      for (std::size_t c = 0; c < lesson.taught.views.size(); ++c) {
-        const TaughtView& view = lesson.taught.views[c];
-        const bool is_taken = std::ranges::find(accepted, c) != accepted.end();
-        if (!view.pointed && !is_taken && view.region && view.problem.empty())
-          confirmed.points.push_back({int(c), view.region->centre}), accepted.push_back(c);
-      }
-      if (accepted.size() == before) break;
-      before = accepted.size();
-      lesson.taught = teacher.teach(confirmed, volume);
-    }
-    lesson.taught = held(std::move(lesson.taught));
+    for (std::size_t c = 0; c < lesson.taught.views.size(); ++c)
+      if (lesson.taught.views[c].pointed && !is_clicked(c)) accepted.push_back(c);
+    const auto first = std::size_t(request.points.front().camera);
     // No user checks what else has the colour: narrower ranges that leave it out are used, unless a width is requested.
     if (const auto steps = narrower_steps(lesson.taught); steps && request.wider == 0) {
-      confirmed.wider = *steps;
-      lesson.taught = held(teacher.teach(confirmed, volume));
+      request.wider = *steps;
+      lesson.taught = taught_with();
       lesson.narrowed_to = *steps;
     }
     lesson.why_useless = why_not_accepted(lesson.taught, teacher.rig(), first, accepted);
     lesson.why_doubtful = why_doubtful(lesson.taught, teacher.rig(), accepted);
-  } else {
-    lesson.taught = held(std::move(lesson.taught));
   }
   const Taught& taught = lesson.taught;
   if (taught.any()) lesson.target = with_taught_color(target, teacher.rig(), taught);

