@@ -374,7 +374,14 @@ RadiusProposal voted_radius(const calib::CameraRig& rig, std::span<const BallMom
   std::vector<std::size_t> cameras;
   for (const Vote& vote : outlines.votes)
     if (std::ranges::find(cameras, vote.camera) == cameras.end()) cameras.push_back(vote.camera);
-  if (cameras.size() >= 2) return combined(rig, outlines.votes, bias_sigma);
+  const auto is_first = [](const Vote& vote) { return vote.moment == 0; };
+  if (cameras.size() >= 2) {
+    // Of one moment nothing is known of what is behind the ball: a hand at its edge passes for a part of it.
+    const bool is_of_one = std::ranges::all_of(outlines.votes, is_first);
+    out = combined(rig, outlines.votes, is_of_one ? of_one_moment : bias_sigma);
+    out.is_rough = is_of_one && out.radius_m;
+    return out;
+  }
   // Outlines are too small, or have too little contrast: regions, then.
   std::vector<Vote> votes;
   for (std::size_t m = 0; m < moments.size(); ++m) {

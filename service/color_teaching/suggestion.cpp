@@ -336,12 +336,12 @@ std::vector<std::optional<Suggestion>> suggested_regions(const std::vector<Point
     const auto best = std::ranges::min_element(totals[j].of);
     if (best == totals[j].of.end() || *best > totals[j].of_none - clear_lead) continue;
     const Candidate& chosen = candidates[j][std::size_t(best - totals[j].of.begin())];
+    // What touches it may be a part of it.
     const double extent_px =
         std::max(chosen.disc.radius, totals[j].radius_px[std::size_t(best - totals[j].of.begin())]);
     const auto is_rival = [&](const Candidate& other) {
-      const double total = totals[j].of[std::size_t(&other - candidates[j].data())];
-      return total < *best + clear_lead &&
-             (other.disc.centre - chosen.disc.centre).norm() > std::max(other.disc.radius, extent_px);
+      return totals[j].of[std::size_t(&other - candidates[j].data())] < *best + clear_lead &&
+             (other.disc.centre - chosen.disc.centre).norm() > extent_px + other.disc.radius;
     };
     if (std::ranges::any_of(candidates[j], is_rival)) continue;
     Suggestion suggestion{.region = {}, .pixels = PixelMask(others[j].image->width, others[j].image->height)};
