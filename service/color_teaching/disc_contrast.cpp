@@ -34,7 +34,7 @@ float hue_between(float a, float b) {
 }
 
 // Of the inner part; hues relative to that of its middle pixel, as they are on a circle.
-std::optional<Tint> middle_tint(const TintImage& image, const Disc& disc) {
+std::optional<Tint> middle_tint(const TintImage& image, const TintDisc& disc) {
   const double radius = std::max(1.0, middle * disc.radius);
   const int u = int(std::lround(disc.centre.x())), v = int(std::lround(disc.centre.y()));
   if (u < 0 || v < 0 || u >= image.width || v >= image.height) return std::nullopt;
@@ -65,7 +65,7 @@ TintImage::TintImage(const HsiImage& image) : width(image.width), height(image.h
   for (const color::Hsi& pixel : image.pixels) pixels.push_back(tint_of(chroma(pixel)));
 }
 
-std::optional<DiscContrast> contrast_of(const TintImage& image, const Disc& disc, double least) {
+std::optional<DiscContrast> contrast_of(const TintImage& image, const TintDisc& disc, double least) {
   const auto tint = middle_tint(image, disc);
   if (!tint) return std::nullopt;
   DiscContrast out{.tint = *tint, .cost = std::numeric_limits<double>::max()};
@@ -96,7 +96,7 @@ std::optional<DiscContrast> contrast_of(const TintImage& image, const Disc& disc
   return out;
 }
 
-MaskRegion region_of(const TintImage& image, const Disc& disc, const DiscContrast& contrast, PixelMask* pixels) {
+MaskRegion region_of(const TintImage& image, const TintDisc& disc, const DiscContrast& contrast, PixelMask* pixels) {
   MaskRegion region{.centre = {0, 0}, .box = {image.width, image.height, -1, -1}};
   visit_square(image, disc.centre, reach * disc.radius, [&](int u, int v, double d) {
     if (d > reach * disc.radius || distance(image.at(u, v), contrast.tint) >= contrast.tolerance) return;

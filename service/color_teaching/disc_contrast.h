@@ -27,7 +27,7 @@ struct TintImage {
   }
 };
 
-struct Disc {
+struct TintDisc {
   Eigen::Vector2d centre{0, 0};
   double radius = 0;  // px
 };
@@ -41,10 +41,10 @@ struct DiscContrast {
 
 // With the tolerance that distinguishes disc and ring best, so that furniture of nearly its colour next to it does not
 // have its colour. least: tolerance; what differs less is texture. nullopt: outside the picture.
-std::optional<DiscContrast> contrast_of(const TintImage& image, const Disc& disc, double least);
+std::optional<DiscContrast> contrast_of(const TintImage& image, const TintDisc& disc, double least);
 
 // The pixels in the disc, and somewhat around it, that have its colour.
-MaskRegion region_of(const TintImage& image, const Disc& disc, const DiscContrast& contrast,
+MaskRegion region_of(const TintImage& image, const TintDisc& disc, const DiscContrast& contrast,
                      PixelMask* pixels = nullptr);
 
 }  // namespace huetrack::color_teaching

@@ -122,7 +122,7 @@ std::vector<Place> along_ray(const std::vector<PointedObject>& pointed, const st
 
 // Something round of the object's colour in a picture, wherever it is along the ray.
 struct Candidate {
-  Disc disc;
+  TintDisc disc;
   DiscContrast contrast;
   double cost = 0;  // without that of its place and size
 };
@@ -156,7 +156,7 @@ struct Searched {
   Sums alike;
 };
 
-double share_inside(const PixelMask& mask, const Disc& disc) {
+double share_inside(const PixelMask& mask, const TintDisc& disc) {
   int in = 0, set = 0;
   for (int v = std::max(0, int(disc.centre.y() - disc.radius));
        v <= std::min(mask.height - 1, int(disc.centre.y() + disc.radius)); ++v)
@@ -167,7 +167,7 @@ double share_inside(const PixelMask& mask, const Disc& disc) {
 }
 
 // Where the disc's colour lies best, from there: mean shift. nullopt: not like the object.
-std::optional<Candidate> settled(const Searched& in, Disc disc, const Look& look) {
+std::optional<Candidate> settled(const Searched& in, TintDisc disc, const Look& look) {
   std::optional<DiscContrast> contrast;
   for (int step = 0; step < 4; ++step) {
     contrast = contrast_of(in.tints, disc, look.spread);

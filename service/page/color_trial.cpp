@@ -64,13 +64,13 @@ class TrialWatch final : public pipeline::Output {
   }
 
  private:
-  // In radii: 1 sigma in the picture in which it is largest, of those that show the object.
+  // In radii: 1 sigma of an axis in the picture in which it is largest, of those that show the object.
   double sigma_in_pictures(const object_tracking::ObjectEstimate& estimate) const {
     double largest = 0;
     for (const calib::Camera& camera : rig_.cameras) {
       const auto there = object_tracking::project_ball(camera, estimate.position, radius_m_);
       if (!there || !camera.contains({there->px})) continue;
-      const double variance = (there->jacobian * estimate.covariance * there->jacobian.transpose()).trace();
+      const double variance = (there->jacobian * estimate.covariance * there->jacobian.transpose()).trace() / 2;
       largest = std::max(largest, std::sqrt(variance) / there->radius_px);
     }
     return largest;
