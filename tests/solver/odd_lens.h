@@ -92,8 +92,7 @@ inline OddCapture odd_capture(const std::vector<int>& widths_deg, double noise_p
   std::mt19937_64 rng(seed);
   const Eigen::Vector3d middle(0.24, 0.15, 0);
   for (int s = 0; s < sets; ++s) {
-    const Eigen::Vector3d tilt =
-        0.6 * Eigen::Vector3d(2 * uniform(rng) - 1, 2 * uniform(rng) - 1, 2 * uniform(rng) - 1);
+    const Eigen::Vector3d tilt = 0.6 * (2 * drawn<3>(rng, uniform) - Eigen::Vector3d::Ones());
     const Eigen::Quaterniond turn(Eigen::AngleAxisd(tilt.norm(), tilt.normalized()));
     if (s % 2 == 0) {
       const Eigen::Vector3d place(0.8 * uniform(rng) - 0.4, 1.2 * uniform(rng) - 0.6, 0.5 + 1.0 * uniform(rng));
@@ -126,7 +125,7 @@ inline OddCapture odd_capture(const std::vector<int>& widths_deg, double noise_p
       BoardView view{c, s, "cam" + std::to_string(c) + " set " + std::to_string(s), {}, {}};
       for (int id = 0; id < of.board.point_count(); ++id) {
         const auto px = capture.lenses[static_cast<std::size_t>(c)].project(cam_from_board * of.board.point(id));
-        const Eigen::Vector2d error = noise_px * Eigen::Vector2d(normal(rng), normal(rng));
+        const Eigen::Vector2d error = noise_px * drawn<2>(rng, normal);
         if (!px || !capture.lenses[static_cast<std::size_t>(c)].contains(*px + error)) continue;
         view.ids.push_back(id);
         view.px.push_back(*px + error);

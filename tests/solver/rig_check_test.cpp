@@ -121,7 +121,7 @@ TEST(SelfCheck, NamesTheCameraThatMovedWithinTheRecordingAndWhen) {
                        .project_world(capture.world_from_board[static_cast<std::size_t>(view.set)] *
                                       capture.board.point(view.ids[k]))
                        ->px +
-                   0.15 * Eigen::Vector2d(normal(rng), normal(rng));
+                   0.15 * drawn<2>(rng, normal);
   }
   const auto moved = find_moved_within(adjust(near_truth(capture)));
   ASSERT_TRUE(moved);

@@ -46,7 +46,15 @@ inline double uniform(std::mt19937_64& rng) {
   return static_cast<double>(rng() >> 11) * 0x1p-53;
 }
 inline double normal(std::mt19937_64& rng) {
-  return std::sqrt(-2 * std::log(1 - uniform(rng))) * std::cos(2 * std::numbers::pi * uniform(rng));
+  const double radius = std::sqrt(-2 * std::log(1 - uniform(rng)));
+  return radius * std::cos(2 * std::numbers::pi * uniform(rng));
+}
+// n draws, the last coordinate's first: the order in which arguments of a call are evaluated is the compiler's choice.
+template <int n>
+Eigen::Vector<double, n> drawn(std::mt19937_64& rng, double (*draw)(std::mt19937_64&)) {
+  Eigen::Vector<double, n> out;
+  for (int i = n - 1; i >= 0; --i) out[i] = draw(rng);
+  return out;
 }
 
 // Cameras on an arc of 120 degrees around the volume; boards inside it, facing the cameras' side, tilted by up to 40
@@ -77,14 +85,14 @@ inline SyntheticCapture synthetic_capture(const SyntheticOptions& options = {}) 
   for (int id = 0; id < capture.board.point_count(); ++id)
     centre += capture.board.point(id) / capture.board.point_count();
   for (int s = 0; s < options.sets; ++s) {
-    const Eigen::Vector3d place(0.6 * uniform(rng) - 0.2, 1.2 * uniform(rng) - 0.6, 0.6 + 0.8 * uniform(rng));
+    const Eigen::Vector3d place =
+        Eigen::Vector3d(0.6, 1.2, 0.8).cwiseProduct(drawn<3>(rng, uniform)) + Eigen::Vector3d(-0.2, -0.6, 0.6);
     // Board z points away from the viewer: towards -x of the world; tilted at random, turned in its plane.
     Eigen::Matrix3d facing;
     facing.col(2) = -Eigen::Vector3d::UnitX();
     facing.col(0) = Eigen::Vector3d::UnitY();
     facing.col(1) = facing.col(2).cross(facing.col(0));
-    const Eigen::Vector3d tilt =
-        0.7 * Eigen::Vector3d(2 * uniform(rng) - 1, 2 * uniform(rng) - 1, 2 * uniform(rng) - 1);
+    const Eigen::Vector3d tilt = 0.7 * (2 * drawn<3>(rng, uniform) - Eigen::Vector3d::Ones());
     const Eigen::Quaterniond rotation = Eigen::AngleAxisd(tilt.norm(), tilt.normalized()) * Eigen::Quaterniond(facing);
     capture.world_from_board.push_back({rotation, place - rotation * centre});
   }
@@ -98,7 +106,7 @@ inline SyntheticCapture synthetic_capture(const SyntheticOptions& options = {}) 
       const int first = sees_back ? capture.board.side_point_count() : 0;
       for (int id = first; id < first + capture.board.side_point_count(); ++id) {
         const auto px = camera.project_world(pose * capture.board.point(id));
-        const Eigen::Vector2d error = options.noise_px * Eigen::Vector2d(normal(rng), normal(rng));
+        const Eigen::Vector2d error = options.noise_px * drawn<2>(rng, normal);
         if (!px || !camera.contains({px->px + error})) continue;
         view.ids.push_back(id);
         view.px.push_back(px->px + error);
