@@ -12,6 +12,7 @@
 #include "calib/model/camera_rig.h"
 #include "calib/solver/bundle_adjustment.h"
 #include "calib/solver/umeyama.h"
+#include "drawn.h"
 
 namespace huetrack::solver {
 
@@ -48,13 +49,6 @@ inline double uniform(std::mt19937_64& rng) {
 inline double normal(std::mt19937_64& rng) {
   const double radius = std::sqrt(-2 * std::log(1 - uniform(rng)));
   return radius * std::cos(2 * std::numbers::pi * uniform(rng));
-}
-// n draws, the last coordinate's first: the order in which arguments of a call are evaluated is the compiler's choice.
-template <int n>
-Eigen::Vector<double, n> drawn(std::mt19937_64& rng, double (*draw)(std::mt19937_64&)) {
-  Eigen::Vector<double, n> out;
-  for (int i = n - 1; i >= 0; --i) out[i] = draw(rng);
-  return out;
 }
 
 // Cameras on an arc of 120 degrees around the volume; boards inside it, facing the cameras' side, tilted by up to 40

@@ -14,6 +14,7 @@
 #include "calib/solver/umeyama.h"
 #include "calib/wave/ball_finder.h"
 #include "calib/wave/wave_adjustment.h"
+#include "drawn.h"
 
 namespace huetrack::wave {
 
@@ -82,8 +83,10 @@ inline std::vector<BallFrame> waved(const calib::CameraRig& rig, const Waving& w
         frame.regions.push_back(region);
       };
       if (uniform(rng) < w.wrong) add({640 * uniform(rng), 480 * uniform(rng)}, 1.3 * r);
-      if (px && camera.contains(*px) && !(w.hidden && w.hidden(c, middle_s)))
-        add(px->px + Eigen::Vector2d(noise(rng), noise(rng)), r * (1 + 0.02 * noise(rng)));
+      if (px && camera.contains(*px) && !(w.hidden && w.hidden(c, middle_s))) {
+        const double radius = r * (1 + 0.02 * noise(rng));
+        add(px->px + drawn<2>(rng, noise), radius);
+      }
       frames.push_back(std::move(frame));
     }
   }
@@ -94,10 +97,8 @@ inline calib::CameraRig spoilt(calib::CameraRig rig, double metres, double degre
   std::mt19937_64 rng(3);
   std::normal_distribution<double> normal;
   for (calib::Camera& camera : rig.cameras) {
-    const Eigen::Vector3d centre =
-        camera.centre() + metres * Eigen::Vector3d(normal(rng), normal(rng), normal(rng)).normalized();
-    const Eigen::AngleAxisd turn(degrees * std::numbers::pi / 180,
-                                 Eigen::Vector3d(normal(rng), normal(rng), normal(rng)).normalized());
+    const Eigen::Vector3d centre = camera.centre() + metres * drawn<3>(rng, normal).normalized();
+    const Eigen::AngleAxisd turn(degrees * std::numbers::pi / 180, drawn<3>(rng, normal).normalized());
     camera.cam_from_world.rotation = (turn * camera.cam_from_world.rotation).normalized();
     camera.cam_from_world.translation = -(camera.cam_from_world.rotation * centre);
   }
