@@ -7,6 +7,7 @@
 #include "camera_tracking/drawn_rectangle.h"
 #include "camera_tracking/pose_solver.h"
 #include "camera_tracking/swept_pose.h"
+#include "drawn.h"
 
 namespace huetrack::camera_tracking {
 
@@ -38,7 +39,7 @@ class RandomScene {
     std::vector<PoseObservation> out;
     for (int i = 0; i < points; ++i) {
       const Eigen::Vector3d p = point();
-      const Eigen::Vector2d noise(normal(), normal());
+      const Eigen::Vector2d noise = drawn<2>(random_, normal_);
       out.push_back({p, project_swept(camera().model, pose, p)->px + sigma_px * noise, sigma_px > 0 ? sigma_px : 0.5});
     }
     return out;

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "calib/certify/length_test.h"
+#include "drawn.h"
 
 namespace huetrack::certify {
 
@@ -31,9 +32,8 @@ struct CarriedBar {
     for (int k = 0; k < 30 * seconds; ++k) {
       for (const std::size_t ball : {0U, 1U}) {
         const double t = k / 30.0 + (ball == 1 ? lag_s : 0), sign = ball == 0 ? -1 : 1;
-        BallFix fix{.set = static_cast<std::uint64_t>(k),
-                    .t_s = t,
-                    .position = scale * end(t, sign) + Eigen::Vector3d(noise(rng), noise(rng), noise(rng))};
+        BallFix fix{
+            .set = static_cast<std::uint64_t>(k), .t_s = t, .position = scale * end(t, sign) + drawn<3>(rng, noise)};
         fix.velocity = (end(t + 1e-4, sign) - end(t - 1e-4, sign)) / 2e-4;
         fix.covariance = stated_m * stated_m * Eigen::Matrix3d::Identity();
         out[ball].push_back(fix);

@@ -9,6 +9,7 @@
 #include "calib/report/certificate_report.h"
 #include "certify/carried_bar.h"
 #include "certify/covered_by.h"
+#include "drawn.h"
 
 namespace huetrack::certify {
 namespace {
@@ -76,9 +77,8 @@ TEST(Certificate, RestsAtMarkedPlacesGiveLengths) {
     const Vector3d to = places[place].p_world;
     for (int k = 0; k < 60; ++k, t += 1.0 / 30) {
       const double way = std::min(1.0, k / 30.0);  // carried there for a second, and put down
-      BallFix fix{.t_s = t,
-                  .position = 1.02 * (from + way * (to - from)) + Vector3d(noise(rng), noise(rng), noise(rng))};
-      fix.velocity = (k < 30 ? 1.0 : 0.0) * (to - from) + 50 * Vector3d(noise(rng), noise(rng), noise(rng));
+      BallFix fix{.t_s = t, .position = 1.02 * (from + way * (to - from)) + drawn<3>(rng, noise)};
+      fix.velocity = (k < 30 ? 1.0 : 0.0) * (to - from) + 50 * drawn<3>(rng, noise);
       track.push_back(fix);
     }
     from = to;

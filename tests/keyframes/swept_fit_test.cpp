@@ -5,6 +5,7 @@
 #include <Eigen/LU>
 
 #include "camera_tracking/random_scene.h"
+#include "drawn.h"
 #include "particle_filter/random.h"
 
 namespace huetrack::keyframes {
@@ -49,7 +50,8 @@ struct Flight {
     rng.fill_normal(noise);
     std::vector<PoseObservation> out;
     for (int i = 0; i < points; ++i) {
-      const Eigen::Vector3d p(0.5 * rng.uniform() - 0.25, 0.4 * rng.uniform() - 0.2, 0.1 * rng.uniform());
+      const Eigen::Vector3d unit = drawn<3>(rng, [](particle_filter::Rng& of) { return of.uniform(); });
+      const Eigen::Vector3d p = Eigen::Vector3d(0.5, 0.4, 0.1).cwiseProduct(unit) - Eigen::Vector3d(0.25, 0.2, 0);
       const auto px = project_swept(c.model, swept(), p);
       const auto k = static_cast<std::size_t>(2 * i);
       const Eigen::Vector2d error = Eigen::Vector2f(noise[k], noise[k + 1]).cast<double>();

@@ -10,6 +10,7 @@
 #include "camera_tracking/leds/led_filter.h"
 #include "camera_tracking/leds/led_schedule.h"
 #include "camera_tracking/methods/make_camera_tracker.h"
+#include "drawn.h"
 #include "scene/led_scene.h"
 
 namespace huetrack::leds {
@@ -125,7 +126,7 @@ Course follow(
       lit = {*frame.lit};
     }
     if (!covered(i)) frame.dots = dots_at(scene, i / scene.fps, lit);
-    for (Vector2d& dot : frame.dots) dot += 0.1 * Vector2d(normal(random), normal(random));
+    for (Vector2d& dot : frame.dots) dot += 0.1 * drawn<2>(random, normal);
     const camera_tracking::CameraEstimate e = filter.update(frame);
     EXPECT_EQ(e.has_pose(), e.world_from_camera.translation.allFinite() && e.covariance.allFinite());
     if (!e.has_pose()) continue;

@@ -8,6 +8,7 @@
 #include <numbers>
 #include <random>
 
+#include "drawn.h"
 #include "object_tracking/sighting.h"
 
 namespace huetrack::object_tracking {
@@ -70,7 +71,7 @@ struct Scene {
       seen.row = {.camera = frame.camera, .below_middle = below};
       seen.row.shift_s = state.row_offset_s(frame.camera, below);
       seen.row.at = at(frame.middle_s + latency_s[c] - latency_s[0] + seen.row.shift_s);
-      seen.px = px + Vector2d(noise(random), noise(random));
+      seen.px = px + drawn<2>(random, noise);
       seen.covariance = noise_px * noise_px * Eigen::Matrix2d::Identity();
       seen.bias_sigma_px = 0.1;
       constexpr double q = 40;
@@ -151,7 +152,7 @@ TEST(MotionState, LearnsNoTimesFromARestingObject) {
     LinearSighting seen;
     seen.row = {.camera = c, .below_middle = 0.2, .at = at(0.011 * k)};
     seen.row.shift_s = state.row_offset_s(c, 0.2);
-    seen.px = camera.project_world({0, 0, 1})->px + Vector2d(noise(scene.random), noise(scene.random));
+    seen.px = camera.project_world({0, 0, 1})->px + drawn<2>(scene.random, noise);
     seen.covariance = 0.04 * Eigen::Matrix2d::Identity();
     seen.bias_sigma_px = 0.3;
     constexpr double q = 16 * 16 * 0.1;  // as the tracker while timing is unknown

@@ -47,7 +47,7 @@ TEST(CalibrationReport, OfAGoodCaptureIsUsable) {
   solver::SyntheticCapture capture = solver::synthetic_capture({.cameras = 3, .sets = 40});
   std::erase_if(capture.views, [&](const solver::BoardView& view) { return is_steep(capture, view); });
   solver::Extrinsics found = calibrated(capture);
-  found.adjustment = solver::in_world(std::move(found.adjustment), solver::upright_guess(found.adjustment));
+  found.adjustment = solver::in_world(found.adjustment, solver::upright_guess(found.adjustment));
   const CalibrationReport report =
       report_on(found, {.cameras = {}, .warnings = {}, .volume = {}, .made_of = {{"tool", "test"}}});
   EXPECT_EQ(report.verdict, Verdict::usable) << to_text(report);
@@ -85,7 +85,7 @@ TEST(CalibrationReport, NamesWhatSpeaksAgainstALens) {
     solver::BoardView view = capture.views.front();
     view.set = k;
     view.image = "view " + std::to_string(k);
-    for (auto& px : view.px) px += Eigen::Vector2d(0.05 * solver::normal(rng) + (k % 3), 0.05 * solver::normal(rng));
+    for (auto& px : view.px) px += 0.05 * drawn<2>(rng, solver::normal) + Eigen::Vector2d(k % 3, 0);
     views.push_back(std::move(view));
   }
   const solver::Intrinsics found = solver::calibrate_intrinsics(capture.board, "cam", {640, 480}, views, one_lens);

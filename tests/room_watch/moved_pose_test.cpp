@@ -4,6 +4,7 @@
 
 #include <random>
 
+#include "drawn.h"
 #include "room_watch/filmed_room.h"
 #include "room_watch/rotation_fit.h"
 
@@ -20,7 +21,7 @@ RoomRotation rotation_by_room(const calib::Camera& camera, const Eigen::Vector3d
     for (int u = 15; u < 240; u += 25) {
       const Eigen::Vector3d ray = camera.model.ray({{u, v}}).value();
       const auto px = camera.model.project(distance(random) * turned(rotation, ray) - shift).value().px;
-      rays.push_back({ray, px + Eigen::Vector2d(noise(random), noise(random)), 0.1});
+      rays.push_back({ray, px + drawn<2>(random, noise), 0.1});
     }
   }
   const auto fit = fit_rotation(camera.model, rays, {.rotation = rotation}, 3).value();
@@ -35,7 +36,7 @@ Outcome outcome(unsigned seed, bool has_object) {
   const calib::Camera camera = camera_in_room();
   std::mt19937 random(seed);
   std::normal_distribution<double> normal(0, 1);
-  const auto vector = [&] { return Eigen::Vector3d(normal(random), normal(random), normal(random)); };
+  const auto vector = [&] { return drawn<3>(random, normal); };
   const Eigen::Vector3d rotation = 0.8 * degree * vector().normalized(), shift = 0.004 * vector();
   const calib::Rigid3d truth = moved(camera.cam_from_world, rotation, shift);
   MovedPose pose(camera, 3.6, 0.006);
@@ -47,7 +48,7 @@ Outcome outcome(unsigned seed, bool has_object) {
     const auto px = camera.model.project(truth * p);
     if (!px || !camera.contains(*px)) continue;
     pose.add({.at = capture::Timestamp{capture::duration_of(0.1 * k)},
-              .px = px->px + 0.3 * Eigen::Vector2d(normal(random), normal(random)),
+              .px = px->px + 0.3 * drawn<2>(random, normal),
               .covariance = 0.09 * Eigen::Matrix2d::Identity(),
               .position = p + others_off + 0.002 * vector(),
               .position_covariance = 4e-6 * Eigen::Matrix3d::Identity()});

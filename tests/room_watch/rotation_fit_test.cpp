@@ -4,6 +4,7 @@
 
 #include <random>
 
+#include "drawn.h"
 #include "room_watch/filmed_room.h"
 
 namespace huetrack::room_watch {
@@ -26,7 +27,7 @@ Seen seen_by(const calib::CameraModel& lens, const Eigen::Vector3d& rotation, in
       const Eigen::Vector3d ray = lens.ray({{u, v}}).value();
       const Eigen::Vector3d by = k * 7 % 10 < strays ? Eigen::Vector3d(0.004, -0.02, 0.003) : rotation;
       Eigen::Vector2d px = lens.project(turned(by, ray)).value().px;
-      px += zoom * (px - Eigen::Vector2d(lens.cx(), lens.cy())) + Eigen::Vector2d(normal(random), normal(random));
+      px += zoom * (px - Eigen::Vector2d(lens.cx(), lens.cy())) + drawn<2>(random, normal);
       seen.rays.push_back({ray, px, noise_px});
     }
   }

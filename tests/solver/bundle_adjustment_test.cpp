@@ -9,6 +9,7 @@
 
 #include "board/captures.h"
 #include "calib/model/rig_yaml.h"
+#include "drawn.h"
 #include "solver/near_truth.h"
 
 namespace huetrack::solver {
@@ -97,7 +98,7 @@ TEST(BundleAdjustment, EstimatesABentBoard) {
     for (std::size_t k = 0; k < view.ids.size(); ++k) {
       const auto px = camera.project_world(capture.world_from_board[static_cast<std::size_t>(view.set)] *
                                            bent.board_point(view.ids[k]));
-      view.px[k] = px.value().px + 0.05 * Eigen::Vector2d(normal(rng), normal(rng));
+      view.px[k] = px.value().px + 0.05 * drawn<2>(rng, normal);
     }
   }
   bent.warp.setZero();
@@ -164,7 +165,7 @@ TEST(BundleAdjustmentBounds, CoverTheTruthOfResampledRenderedBoards) {
       std::vector<BoardView> views;
       for (BoardView view : all) {
         if (std::ranges::find(sets, view.set) == sets.end()) continue;
-        for (auto& px : view.px) px += noise_px * Eigen::Vector2d(normal(rng), normal(rng));
+        for (auto& px : view.px) px += noise_px * drawn<2>(rng, normal);
         views.push_back(std::move(view));
       }
       std::vector<calib::Rigid3d> boards(25);

@@ -12,6 +12,7 @@
 #include "calib/solver/ray_uncertainty.h"
 #include "calib/solver/volume_accuracy.h"
 #include "calib/solver/world_frame.h"
+#include "drawn.h"
 #include "solver/odd_lens.h"
 
 namespace huetrack::solver {
@@ -275,7 +276,7 @@ TEST(Extrinsics, NoisyCameraHasLessWeight) {
   std::mt19937_64 rng(7);
   for (BoardView& view : capture.views) {
     if (view.camera != 1) continue;
-    for (auto& px : view.px) px += Eigen::Vector2d(normal(rng), normal(rng));
+    for (auto& px : view.px) px += drawn<2>(rng, normal);
   }
   const Extrinsics found = calibrate_extrinsics(capture.board, known(capture.rig), capture.views);
   EXPECT_NEAR(found.adjustment.cameras[1].relative_noise, 10, 2);

@@ -6,6 +6,7 @@
 #include <cstdio>
 
 #include "calib/solver/extrinsics.h"
+#include "drawn.h"
 #include "solver/synthetic_rig.h"
 
 namespace huetrack::solver {
@@ -97,7 +98,7 @@ MovingCapture moving_capture(const MovingOptions& options = {}) {
             if (!px) break;
             at_s = middle_s + (px->px.y() / (camera.image_size.height - 1) - 0.5) * options.readout_s[c];
           }
-          const Eigen::Vector2d error = 0.1 * Eigen::Vector2d(normal(rng), normal(rng));
+          const Eigen::Vector2d error = 0.1 * drawn<2>(rng, normal);
           if (!px || !camera.contains({px->px + error})) continue;
           view.ids.push_back(id);
           view.px.push_back(px->px + error);

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "drawn.h"
 #include "solver/near_truth.h"
 #include "solver/synthetic_rig.h"
 
@@ -76,7 +77,7 @@ TEST(AlignPoints, IsTheLeastSquaresSolution) {
   std::vector<Vector3d> from, to;
   for (int i = 0; i < 8; ++i) {
     from.emplace_back(normal(rng), normal(rng), normal(rng));
-    to.push_back(some_motion * from.back() + 0.1 * Vector3d(normal(rng), normal(rng), normal(rng)));
+    to.push_back(some_motion * from.back() + 0.1 * drawn<3>(rng, normal));
   }
   const WorldChange best = align_points(from, to, false);
   const auto squares = [&](const calib::Rigid3d& pose) {

@@ -10,6 +10,7 @@
 #include <random>
 
 #include "calib/files/config_error.h"
+#include "drawn.h"
 #include "truth/truth_file.h"
 
 namespace huetrack::truth {
@@ -127,7 +128,7 @@ TEST(Nees, IsChiSquareForATrueCovariance) {
   int inside = 0;
   constexpr int n = 20000;
   for (int i = 0; i < n; ++i) {
-    const Eigen::Vector3d error = factor * Eigen::Vector3d(normal(random), normal(random), normal(random));
+    const Eigen::Vector3d error = factor * drawn<3>(random, normal);
     const double squared = nees(error, covariance);
     sum += squared;
     inside += squared <= 7.815 ? 1 : 0;

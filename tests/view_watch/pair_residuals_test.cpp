@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "calib/model/covariance_ellipse.h"
+#include "drawn.h"
 #include "scene/scene.h"
 #include "view_watch/camera_fit.h"
 
@@ -54,7 +55,7 @@ std::vector<Track> tracks_of(const calib::CameraRig& rig, unsigned seed, const V
       const double delay_s = views.delays_s.empty() ? 0 : views.delays_s[c];
       const auto seen = rig.cameras[c].project_world(path(t - delay_s));
       if (!seen) continue;
-      const Vector2d px = seen->px + views.noise_px * Vector2d(noise(rng), noise(rng));
+      const Vector2d px = seen->px + views.noise_px * drawn<2>(rng, noise);
       const auto ray = rig.cameras[c].model.ray({px});
       tracks[c].push_back({.t_s = t, .px = px, .radius_px = 4, .sigma_px = views.sigma_px, .ray = ray->normalized()});
     }
@@ -198,7 +199,7 @@ TEST(PairComparisonOf, DoesNotDependOnTheWorldsFrame) {
 TEST(PairComparisonOf, DerivativesAreThoseOfFiniteDifferences) {
   std::mt19937 rng(7);
   std::normal_distribution<double> normal(0, 1);
-  const auto vector = [&] { return Vector3d(normal(rng), normal(rng), normal(rng)); };
+  const auto vector = [&] { return drawn<3>(rng, normal); };
   for (int trial = 0; trial < 200; ++trial) {
     // Two rays that nearly meet in front of both cameras.
     const Vector3d base = vector(), point = 3 * vector().normalized() + 0.5 * base;

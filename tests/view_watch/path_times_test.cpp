@@ -1,6 +1,7 @@
 // Films whose frame rate was converted, pictures that are exchanged, and times of arrival are named by the path of the
 // target; films as they were taken are not, whatever the target does.
 #include "view_watch/path_times.h"
+#include "drawn.h"
 
 #include <gmock/gmock.h>
 
@@ -22,7 +23,7 @@ std::optional<Mistake> judged(const PathOf& path, const Times& taken, const Time
   std::normal_distribution<double> noise(0, noise_px);
   PathTimes times;
   for (int k = 0; k < count; ++k) {
-    const Eigen::Vector2d px = path(taken(k)) + Eigen::Vector2d(noise(random), noise(random));
+    const Eigen::Vector2d px = path(taken(k)) + drawn<2>(random, noise);
     times.see({.number = k, .stamp_s = stamped(k), .t_s = stamped(k), .px = px, .sigma_px = 0.3, .is_target = true});
     if (auto mistake = times.judge(1)) return mistake;
   }

@@ -1,4 +1,5 @@
 #include "calib/wave/ball_path.h"
+#include "drawn.h"
 
 #include <gtest/gtest.h>
 
@@ -15,7 +16,7 @@ BallPath random_path(std::uint64_t seed) {
   BallPath path = BallPath::over(2.0, 3.0, 0.1);
   std::mt19937_64 rng(seed);
   std::uniform_real_distribution<double> uniform(-1, 1);
-  for (Vector3d& p : path.control) p = Vector3d(uniform(rng), uniform(rng), uniform(rng));
+  for (Vector3d& p : path.control) p = drawn<3>(rng, uniform);
   return path;
 }
 

@@ -7,6 +7,7 @@
 #include <numbers>
 #include <random>
 
+#include "drawn.h"
 #include "wave/throwing.h"
 
 namespace huetrack::wave {
@@ -29,7 +30,7 @@ std::vector<PathMeasurement> seen(const ThrownPath& path, double noise_px, std::
       PathMeasurement& m = out.emplace_back();
       m.t_s = t;
       m.by_position = by_cam * camera.cam_from_world.rotation.toRotationMatrix() / noise_px;
-      m.value = m.by_position * path(t) + Eigen::Vector2d(normal(random), normal(random));
+      m.value = m.by_position * path(t) + drawn<2>(random, normal);
     }
   }
   std::ranges::stable_sort(out, {}, &PathMeasurement::t_s);

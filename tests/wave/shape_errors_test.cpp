@@ -6,6 +6,7 @@
 #include <Eigen/Geometry>
 
 #include "calib/model/cross_matrix.h"
+#include "drawn.h"
 #include "wave/waving.h"
 
 namespace huetrack::wave {
@@ -92,7 +93,7 @@ TEST(ShapeErrors, RmsIsThatOfTriangulatedPlaces) {
   const ShapeErrors shape = shape_errors(truth, poses_of_rig(truth), places);
   std::mt19937_64 rng(8);
   std::normal_distribution<double> normal;
-  const auto random = [&](double size) { return Vector3d(size * Vector3d(normal(rng), normal(rng), normal(rng))); };
+  const auto random = [&](double size) { return Vector3d(size * drawn<3>(rng, normal)); };
   constexpr int trials = 60;
   double sum = 0;
   for (int trial = 0; trial < trials; ++trial) {

@@ -1,4 +1,5 @@
 #include "calib/wave/timing_diagnostics.h"
+#include "drawn.h"
 
 #include <gtest/gtest.h>
 
@@ -23,7 +24,7 @@ std::vector<TimingSample> circling(double px_s, double noise_px, const std::func
   for (int i = 0; i < static_cast<int>(30 * seconds); ++i) {
     const double t = i * frame_s;
     const Vector2d velocity = px_s * Vector2d(std::cos(2.1 * t), std::sin(2.1 * t));
-    samples.push_back({t, late_s(t) * velocity + Vector2d(noise(rng), noise(rng)), velocity});
+    samples.push_back({t, late_s(t) * velocity + drawn<2>(rng, noise), velocity});
   }
   return samples;
 }

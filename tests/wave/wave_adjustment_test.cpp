@@ -54,7 +54,7 @@ Problem problem_of(const ProblemOptions& o) {
         if (px) exposed_s = middle_s + below_middle(camera, *px) * time.readout_s;
       }
       if (!px || !camera.contains({*px})) continue;
-      p.observations.push_back({c, middle_s + time.latency_s, *px + Vector2d(noise(rng), noise(rng)),
+      p.observations.push_back({c, middle_s + time.latency_s, *px + drawn<2>(rng, noise),
                                 std::max(1e-4, o.noise_px * o.noise_px) * Eigen::Matrix2d::Identity()});
     }
   }

@@ -15,6 +15,7 @@
 
 #include "calib/model/rig_yaml.h"
 #include "calib/solver/bundle_adjustment.h"
+#include "drawn.h"
 #include "wave/throwing.h"
 #include "wave/waving.h"
 
@@ -211,7 +212,7 @@ TEST(Wave, CovarianceMatchesCorrelatedErrors) {
     start.path.control[k] = lissajous((static_cast<double>(k) - 1) * step_s);
   std::mt19937_64 rng(5);
   std::normal_distribution<double> normal;
-  const auto pair = [&] { return Eigen::Vector2d(normal(rng), normal(rng)); };
+  const auto pair = [&] { return drawn<2>(rng, normal); };
   constexpr int trials = 20;
   double independent = 0, correlated = 0;  // squared errors of a camera's pose in their own standard deviations
   for (int trial = 0; trial < trials; ++trial) {
