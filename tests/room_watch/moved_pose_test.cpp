@@ -44,7 +44,7 @@ Outcome outcome(unsigned seed, bool has_object) {
   const Eigen::Vector3d others_off = 0.0015 * vector();
   std::uniform_real_distribution<double> place(-0.8, 0.8);
   for (int k = 0; has_object && k < 120; ++k) {
-    const Eigen::Vector3d p(place(random), place(random), 1.1 + place(random));
+    const Eigen::Vector3d p = drawn<3>(random, place) + Eigen::Vector3d(0, 0, 1.1);
     const auto px = camera.model.project(truth * p);
     if (!px || !camera.contains(*px)) continue;
     pose.add({.at = capture::Timestamp{capture::duration_of(0.1 * k)},
