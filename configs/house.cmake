@@ -37,7 +37,7 @@ function(module NAME)
       set(M_PRECOMPILED precompiled_eigen)
     endif()
     reuse_precompiled(${NAME} ${M_PRECOMPILED})
-    # What computes little is one file to GCC: most of its code is of the libraries, the same in each of its files.
+    # What computes little is compiled as one file: most of its code is of the libraries, the same in each of its files.
     if(NOT M_PRECOMPILED MATCHES "_(kernels|eigen)$")
       set_target_properties(${NAME} PROPERTIES UNITY_BUILD_BATCH_SIZE 0)
     endif()

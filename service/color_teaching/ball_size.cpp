@@ -375,13 +375,13 @@ RadiusProposal voted_radius(const calib::CameraRig& rig, std::span<const BallMom
   for (const Vote& vote : outlines.votes)
     if (std::ranges::find(cameras, vote.camera) == cameras.end()) cameras.push_back(vote.camera);
   const auto is_first = [](const Vote& vote) { return vote.moment == 0; };
-  if (cameras.size() >= 2) {
-    // Of one moment nothing is known of what is behind the ball: a hand at its edge passes for a part of it.
-    const bool is_of_one = std::ranges::all_of(outlines.votes, is_first);
-    out = combined(rig, outlines.votes, is_of_one ? of_one_moment : bias_sigma);
-    out.is_rough = is_of_one && out.radius_m;
+  const auto proposed = [&](const std::vector<Vote>& votes, double usual, bool is_of_one_moment) {
+    out = combined(rig, votes, is_of_one_moment ? of_one_moment : usual);
+    out.is_rough = is_of_one_moment && out.radius_m;
     return out;
-  }
+  };
+  // Of one moment nothing is known of what is behind the ball: a hand at its edge passes for a part of it.
+  if (cameras.size() >= 2) return proposed(outlines.votes, bias_sigma, std::ranges::all_of(outlines.votes, is_first));
   // Outlines are too small, or have too little contrast: regions, then.
   std::vector<Vote> votes;
   for (std::size_t m = 0; m < moments.size(); ++m) {
@@ -392,10 +392,7 @@ RadiusProposal voted_radius(const calib::CameraRig& rig, std::span<const BallMom
     }
   }
   const auto has_radius = [](const auto& of_moment) { return of_moment && of_moment->median(); };
-  const bool is_rough = std::ranges::count_if(radii, has_radius) == 1;
-  out = combined(rig, votes, is_rough ? of_one_moment : of_regions);
-  out.is_rough = is_rough && out.radius_m;
-  return out;
+  return proposed(votes, of_regions, std::ranges::count_if(radii, has_radius) == 1);
 }
 
 }  // namespace huetrack::color_teaching

@@ -78,7 +78,7 @@ double largest_px(const calib::Camera& camera, double radius_m, const object_tra
 std::optional<GrownRegion> grown_around(const capture::Image& image, const color::ColorRegion& found, double most_px) {
   const int u = static_cast<int>(std::lround(found.centre.x())), v = static_cast<int>(std::lround(found.centre.y()));
   const int extent = found.box.u_max - found.box.u_min + found.box.v_max - found.box.v_min + 2;
-  // What was found is a part of it, whose middle is inside of it.
+  // What was found may be a part of the ball; its middle is inside the ball.
   const int reach = looked_around_px + static_cast<int>(std::min(looked_around * extent, 2 * most_px));
   const color::PixelBox box{std::max(0, u - reach), std::max(0, v - reach), std::min(image.width - 1, u + reach),
                             std::min(image.height - 1, v + reach)};

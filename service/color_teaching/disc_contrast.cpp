@@ -20,15 +20,6 @@ constexpr double usual_gap = 0.15;  // 1 sigma of the true disc's gaps, and of i
 constexpr double middle = 0.6;      // of the radius: what gives the colour
 constexpr double reach = 1.25;      // of the radius: where the region is searched
 
-template <typename Visit>
-void visit_square(const TintImage& image, const Eigen::Vector2d& centre, double radius, const Visit& visit) {
-  const int v_max = std::min(image.height - 1, int(centre.y() + radius) + 1);
-  const int u_max = std::min(image.width - 1, int(centre.x() + radius) + 1);
-  for (int v = std::max(0, int(centre.y() - radius)); v <= v_max; ++v)
-    for (int u = std::max(0, int(centre.x() - radius)); u <= u_max; ++u)
-      visit(u, v, (Eigen::Vector2d(u, v) - centre).norm());
-}
-
 float hue_between(float a, float b) {
   return float(std::remainder(double(a - b), turn));
 }
@@ -40,8 +31,7 @@ std::optional<Tint> middle_tint(const TintImage& image, const TintDisc& disc) {
   if (u < 0 || v < 0 || u >= image.width || v >= image.height) return std::nullopt;
   const float first = image.at(u, v).hue;
   std::vector<float> hues, saturations;
-  visit_square(image, disc.centre, radius, [&](int x, int y, double d) {
-    if (d > radius) return;
+  visit_disc(image.width, image.height, {disc.centre, radius}, [&](int x, int y, double) {
     hues.push_back(hue_between(image.at(x, y).hue, first));
     saturations.push_back(image.at(x, y).saturation);
   });
@@ -75,9 +65,9 @@ std::optional<DiscContrast> contrast_of(const TintImage& image, const TintDisc& 
   int in_all = 0, ring_all = 0;
   const double inner = std::max(1.0, 0.85 * disc.radius), edge = disc.radius + std::max(1.5, 0.3 * disc.radius),
                outer = edge + std::max(2.0, 0.5 * disc.radius);
-  visit_square(image, disc.centre, outer, [&](int u, int v, double d) {
-    const bool is_inside = d <= inner, is_ring = d > edge && d <= outer;
-    if (!is_inside && !is_ring) return;
+  visit_disc(image.width, image.height, {disc.centre, outer}, [&](int u, int v, double d) {
+    const bool is_inside = d <= inner;
+    if (!is_inside && d <= edge) return;
     ++(is_inside ? in_all : ring_all);
     const auto bin = std::size_t(distance(image.at(u, v), out.tint) / step);
     if (bin < steps) ++(is_inside ? in : ring)[bin];
@@ -98,8 +88,8 @@ std::optional<DiscContrast> contrast_of(const TintImage& image, const TintDisc& 
 
 MaskRegion region_of(const TintImage& image, const TintDisc& disc, const DiscContrast& contrast, PixelMask* pixels) {
   MaskRegion region{.centre = {0, 0}, .box = {image.width, image.height, -1, -1}};
-  visit_square(image, disc.centre, reach * disc.radius, [&](int u, int v, double d) {
-    if (d > reach * disc.radius || distance(image.at(u, v), contrast.tint) >= contrast.tolerance) return;
+  visit_disc(image.width, image.height, {disc.centre, reach * disc.radius}, [&](int u, int v, double) {
+    if (distance(image.at(u, v), contrast.tint) >= contrast.tolerance) return;
     ++region.area;
     region.centre += Eigen::Vector2d(u, v);
     region.box = {std::min(region.box.u_min, u), std::min(region.box.v_min, v), std::max(region.box.u_max, u),

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <optional>
 #include <vector>
 
@@ -31,6 +32,16 @@ struct TintDisc {
   Eigen::Vector2d centre{0, 0};
   double radius = 0;  // px
 };
+
+// visit(u, v, distance from the centre) for each pixel of a picture that is in the disc.
+template <typename Visit>
+void visit_disc(int width, int height, const TintDisc& disc, const Visit& visit) {
+  const int v_max = std::min(height - 1, int(disc.centre.y() + disc.radius));
+  const int u_max = std::min(width - 1, int(disc.centre.x() + disc.radius));
+  for (int v = std::max(0, int(disc.centre.y() - disc.radius)); v <= v_max; ++v)
+    for (int u = std::max(0, int(disc.centre.x() - disc.radius)); u <= u_max; ++u)
+      if (const double d = (Eigen::Vector2d(u, v) - disc.centre).norm(); d <= disc.radius) visit(u, v, d);
+}
 
 struct DiscContrast {
   Tint tint;                      // median of its inner part

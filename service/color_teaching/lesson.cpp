@@ -77,7 +77,8 @@ Lesson learn(const ColorTeacher& teacher, const TeachRequestOptions& requested,
     std::vector<std::size_t>& accepted = lesson.accepted;
     for (std::size_t c = 0; c < lesson.taught.views.size(); ++c)
       if (lesson.taught.views[c].pointed && !is_clicked(c)) accepted.push_back(c);
-    const auto first = std::size_t(request.points.front().camera);
+    const auto is_taught = [&](const TeachPoint& p) { return lesson.taught.views[std::size_t(p.camera)].pointed; };
+    const auto first = std::size_t(std::ranges::find_if(request.points, is_taught)->camera);
     // No user checks what else has the colour: narrower ranges that leave it out are used, unless a width is requested.
     if (const auto steps = narrower_steps(lesson.taught); steps && request.wider == 0) {
       request.wider = *steps;

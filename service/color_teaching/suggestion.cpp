@@ -68,10 +68,10 @@ class Sums {
   std::vector<int> sums_;
 };
 
-PixelMask like(const HsiImage& image, const Tint& tint) {
+PixelMask like(const TintImage& image, const Tint& tint) {
   PixelMask mask(image.width, image.height);
   for (std::size_t i = 0; i < image.pixels.size(); ++i)
-    mask.pixels[i] = distance(tint_of(chroma(image.pixels[i])), tint) <= most_distance ? 1 : 0;
+    mask.pixels[i] = distance(image.pixels[i], tint) <= most_distance ? 1 : 0;
   return mask;
 }
 
@@ -149,20 +149,14 @@ Look look_of(const HsiImage& image, const PixelMask& object) {
 }
 
 struct Searched {
-  explicit Searched(const TaughtPicture& of, const Look& look)
-      : picture(of), tints(*of.image), alike(like(*of.image, look.tint)) {}
+  explicit Searched(const TaughtPicture& of) : picture(of), tints(*of.image) {}
   const TaughtPicture& picture;
   TintImage tints;
-  Sums alike;
 };
 
 double share_inside(const PixelMask& mask, const TintDisc& disc) {
   int in = 0, set = 0;
-  for (int v = std::max(0, int(disc.centre.y() - disc.radius));
-       v <= std::min(mask.height - 1, int(disc.centre.y() + disc.radius)); ++v)
-    for (int u = std::max(0, int(disc.centre.x() - disc.radius));
-         u <= std::min(mask.width - 1, int(disc.centre.x() + disc.radius)); ++u)
-      if ((Eigen::Vector2d(u, v) - disc.centre).norm() <= disc.radius) ++in, set += mask.at(u, v);
+  visit_disc(mask.width, mask.height, disc, [&](int u, int v, double) { ++in, set += mask.at(u, v); });
   return in > 0 ? double(set) / in : 0;
 }
 
@@ -190,7 +184,7 @@ std::optional<Candidate> settled(const Searched& in, TintDisc disc, const Look& 
 
 // What the click shows, in one size or another: the discs that hold the region's middle.
 std::vector<Candidate> discs_of(const PointedObject& object, const Look& look) {
-  const Searched in(object.picture, look);
+  const Searched in(object.picture);
   const double part_px = object.region.radius_px();
   std::vector<Candidate> out;
   for (double radius = part_px; radius < most_larger * part_px; radius *= std::exp(size_step))
@@ -204,6 +198,7 @@ std::vector<Candidate> discs_of(const PointedObject& object, const Look& look) {
 // All of a picture near the ray, in each of the clicked discs' sizes.
 std::vector<Candidate> candidates_in(const Searched& in, const std::vector<Place>& places,
                                      const std::vector<Candidate>& clicked, double moved_m, const Look& look) {
+  const Sums alike(like(in.tints, look.tint));
   std::vector<Candidate> found;
   std::set<std::tuple<int, int, int>> seen;
   for (const Place& place : places) {
@@ -222,7 +217,7 @@ std::vector<Candidate> candidates_in(const Searched& in, const std::vector<Place
         for (int i = u - steps; i <= u + steps; ++i) {
           const Eigen::Vector2d start = step_px * Eigen::Vector2d(i, j);
           if ((start - at->px).norm() > slack || !seen.insert({size, i, j}).second) continue;
-          const auto [count, set] = in.alike.square(start.x(), start.y(), inner_square * radius);
+          const auto [count, set] = alike.square(start.x(), start.y(), inner_square * radius);
           if (count == 0 || set < least_inner_share * count) continue;
           if (auto candidate = settled(in, {start, radius}, look)) found.push_back(std::move(*candidate));
         }
@@ -308,7 +303,7 @@ std::vector<Totals> joint_totals(const std::vector<TaughtPicture>& others,
 }  // namespace
 
 PixelMask alike_pixels(const HsiImage& image, const PixelMask& object) {
-  return like(image, look_of(image, object).tint);
+  return like(TintImage(image), look_of(image, object).tint);
 }
 
 std::vector<std::optional<Suggestion>> suggested_regions(const std::vector<PointedObject>& pointed,
@@ -328,17 +323,17 @@ std::vector<std::optional<Suggestion>> suggested_regions(const std::vector<Point
   std::vector<std::vector<Candidate>> candidates;
   std::vector<Searched> searched;
   for (const TaughtPicture& other : others) {
-    searched.emplace_back(other, look);
+    searched.emplace_back(other);
     candidates.push_back(candidates_in(searched.back(), places, clicked, expected.moved_m, look));
   }
   const std::vector<Totals> totals = joint_totals(others, candidates, places, clicked, expected);
   for (std::size_t j = 0; j < others.size(); ++j) {
     const auto best = std::ranges::min_element(totals[j].of);
     if (best == totals[j].of.end() || *best > totals[j].of_none - clear_lead) continue;
-    const Candidate& chosen = candidates[j][std::size_t(best - totals[j].of.begin())];
+    const auto index = std::size_t(best - totals[j].of.begin());
+    const Candidate& chosen = candidates[j][index];
     // What touches it may be a part of it.
-    const double extent_px =
-        std::max(chosen.disc.radius, totals[j].radius_px[std::size_t(best - totals[j].of.begin())]);
+    const double extent_px = std::max(chosen.disc.radius, totals[j].radius_px[index]);
     const auto is_rival = [&](const Candidate& other) {
       return totals[j].of[std::size_t(&other - candidates[j].data())] < *best + clear_lead &&
              (other.disc.centre - chosen.disc.centre).norm() > extent_px + other.disc.radius;

@@ -21,6 +21,7 @@
 #include "calib/solver/volume_accuracy.h"
 #include "calib/solver/world_frame.h"
 #include "config/service_config.h"
+#include "drawn.h"
 #include "object_tracking/trackers/object_tracker.h"
 #include "solver/synthetic_rig.h"
 
@@ -75,7 +76,7 @@ std::vector<solver::BoardView> board_views(const calib::CameraRig& rig, const bo
         const auto px = rig.cameras[c].project_world(world_from_board * board.point(id));
         if (!px || !rig.cameras[c].contains(*px)) break;
         view.ids.push_back(id);
-        view.px.push_back(px->px + noise_px * Eigen::Vector2d(solver::normal(rng), solver::normal(rng)));
+        view.px.push_back(px->px + noise_px * drawn<2>(rng, solver::normal));
       }
       if (static_cast<int>(view.ids.size()) == board.point_count()) of_set.push_back(view);
     }

@@ -25,6 +25,7 @@
 #include "calib/report/sentences.h"
 #include "calib/solver/extrinsics.h"
 #include "calib/solver/world_frame.h"
+#include "drawn.h"
 #include "solver/synthetic_rig.h"
 
 namespace {
@@ -419,7 +420,7 @@ void bounds() {
     std::vector<solver::BoardView> views;
     for (solver::BoardView view : rendered_found().views) {
       if (std::ranges::find(sets, view.set) == sets.end()) continue;
-      for (auto& px : view.px) px += noise_px * Vector2d(solver::normal(rng), solver::normal(rng));
+      for (auto& px : view.px) px += noise_px * drawn<2>(rng, solver::normal);
       views.push_back(std::move(view));
     }
     const solver::Adjustment a =

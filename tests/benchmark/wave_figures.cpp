@@ -18,6 +18,7 @@
 #include "calib/report/wave_report.h"
 #include "calib/wave/wave.h"
 #include "calib/wave/wave_adjustment.h"
+#include "drawn.h"
 
 using namespace huetrack;
 
@@ -27,7 +28,7 @@ bool all_reached = true;
 
 Eigen::Vector3d direction(std::mt19937_64& rng) {
   std::normal_distribution<double> normal;
-  return Eigen::Vector3d(normal(rng), normal(rng), normal(rng)).normalized();
+  return drawn<3>(rng, normal).normalized();
 }
 
 calib::CameraRig spoilt(const calib::CameraRig& truth, double metres, double degrees, std::uint64_t seed) {

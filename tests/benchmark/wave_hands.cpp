@@ -22,6 +22,7 @@
 #include "calib/report/wave_report.h"
 #include "calib/wave/wave.h"
 #include "calib/wave/wave_adjustment.h"
+#include "drawn.h"
 #include "object_tracking/sighting.h"
 
 using namespace huetrack;
@@ -217,7 +218,7 @@ Change noisy(double sigma_px, std::mt19937_64& rng) {
   return [sigma_px, &rng](const Recording& r, std::size_t f, wave::BallFrame& frame) {
     if (!true_outline(r, f, frame)) return false;
     std::normal_distribution<double> normal(0, sigma_px);
-    frame.regions.front().centre += Eigen::Vector2d(normal(rng), normal(rng));
+    frame.regions.front().centre += drawn<2>(rng, normal);
     return true;
   };
 }

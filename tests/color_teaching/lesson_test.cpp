@@ -34,7 +34,8 @@ TEST(Lesson, FromOneClickToTheTargetsColour) {
   EXPECT_THAT(one.target.camera_colors, IsEmpty());
   EXPECT_FALSE(one.is_faint);
 
-  // With suggestions accepted it is nearly as if both had been pointed at, and the ranges narrowed as is said then.
+  // An accepted suggestion teaches nearly the same as a click in that view, with the narrower ranges that are used
+  // then.
   request.accepts_suggestions = true;
   const Lesson accepted = learn(teacher, request, {lime}, lime, volume);
   TeachRequestOptions both;

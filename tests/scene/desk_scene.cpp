@@ -69,7 +69,9 @@ DeskScene::DeskScene(std::uint64_t seed) {
   print_ = printed_sheet(random);
   while (boxes_.size() < 11) {
     const double angle = uniform(random, 0, 2 * std::numbers::pi), away = uniform(random, 0.25, 0.85);
-    const auto half = Vector3d(uniform(random, 0.03, 0.08), uniform(random, 0.02, 0.07), uniform(random, 0.01, 0.07));
+    // One after the other: the order in which arguments are evaluated is the compiler's choice.
+    const double half_z = uniform(random, 0.01, 0.07), half_y = uniform(random, 0.02, 0.07);
+    const Vector3d half(uniform(random, 0.03, 0.08), half_y, half_z);
     const double turn = uniform(random, 0, std::numbers::pi);
     boxes_.push_back({Vector3d(away * std::cos(angle), away * std::sin(angle), half.z()).cast<float>(),
                       half.cast<float>(),
