@@ -195,10 +195,20 @@ void ObjectFilter::correct_times(std::span<const double> late_s) {
   times_.begin(motion_);
 }
 
+double ObjectFilter::highest_acceleration() const {
+  return object_filter.highest_acceleration_factor * options_.acceleration_m_s2;
+}
+
 // Of three or more views, one may be inconsistent with the motion and all others: it repeats a frame, or shows
-// something else of this colour. With a bounce all of them are inconsistent with the motion.
+// something else of this colour. With a bounce or a swerve all of them are inconsistent with the motion.
 void ObjectFilter::remove_inconsistent_view(std::vector<Sighting>& sightings) {
   if (sightings.size() < 3 || mean_nis() <= object_filter.usual_nis) return;
+  const double before = std::exchange(acceleration_, highest_acceleration());
+  observer_.observed(motion_, nullptr, sightings, power_density());
+  const bool do_all_swerve = mean_nis() <= object_filter.usual_nis;
+  acceleration_ = before;
+  observer_.observed(motion_, nullptr, sightings, power_density());
+  if (do_all_swerve) return;
   const std::vector<Sighting> all = sightings;
   std::vector<Sighting> best;
   // The others must be consistent, and much more so than with it: a swerve affects some views more than others.
@@ -214,7 +224,7 @@ void ObjectFilter::remove_inconsistent_view(std::vector<Sighting>& sightings) {
 }
 
 void ObjectFilter::raise_acceleration(std::vector<Sighting>& sightings) {
-  const double ceiling = object_filter.highest_acceleration_factor * options_.acceleration_m_s2;
+  const double ceiling = highest_acceleration();
   if (!sightings.empty()) observer_.observed(motion_, nullptr, sightings, power_density());
   remove_inconsistent_view(sightings);
   while (!sightings.empty() && mean_nis() > object_filter.usual_nis && acceleration_ < ceiling) {
@@ -239,7 +249,7 @@ void ObjectFilter::settle_acceleration(std::span<const Sighting> sightings) {
   const double least = are_times_open(sightings, motion_) ? usual : object_filter.least_acceleration_m_s2;
   acceleration_ = std::clamp(acceleration_ * std::exp(object_filter.acceleration_settling *
                                                       (std::min(mean_nis(), object_filter.usual_nis) - 1)),
-                             least, object_filter.highest_acceleration_factor * options_.acceleration_m_s2);
+                             least, highest_acceleration());
 }
 
 // Rows of two sets may overlap in time, but output stamps strictly increase. Without measurements the state is

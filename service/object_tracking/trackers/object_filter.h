@@ -75,6 +75,7 @@ class ObjectFilter {
   void predict_to_output(object_tracking::MotionState& motion, capture::Timestamp set_at,
                          capture::Timestamp last_published, double power_density) const;
   void note_size(std::span<const object_tracking::Sighting> sightings);
+  double highest_acceleration() const;  // m/s^2
   void remove_inconsistent_view(std::vector<object_tracking::Sighting>& sightings);
   void draw_particles(const object_tracking::MotionState& proposal);
   void weigh(const object_tracking::MotionState& proposal, double power_density);
