@@ -130,6 +130,18 @@ void RoomColors::learn(MatchBits& view, const ColorTable& table, capture::PixelF
   }
 }
 
+std::int16_t RoomColors::evidence_near_object(const MatchBits& view, int u, int v, bool matches, double as_background) {
+  const RoomColors* const room = view.room();
+  const double of_match = !matches          ? 0.0
+                          : room != nullptr ? double(room->evidence(view, u, v)) / evidence_unit
+                                            : room_colors.most;
+  return fixed(of_match - as_background);
+}
+
+double RoomColors::hidden_share() {
+  return room_colors.hidden;
+}
+
 void DiscFinder::weigh(MatchBits& view, const PixelBox& box) {
   const RoomColors& room = *view.room();
   box_ = {std::max(0, box.u_min), std::max(0, box.v_min), std::min(view.width() - 1, box.u_max),
@@ -140,6 +152,10 @@ void DiscFinder::weigh(MatchBits& view, const PixelBox& box) {
   for_each_match(view, box_, [&](int u, int v) {
     evidence_[std::size_t((v - box_.v_min) * width_ + u - box_.u_min)] = room.evidence(view, u, v);
   });
+  sum_up();
+}
+
+void DiscFinder::sum_up() {
   sums_.assign(std::size_t((width_ + 1) * (height_ + 1)), 0);
   for (int v = 0; v < height_; ++v) {
     const std::int32_t* const above = &sums_[std::size_t(v * (width_ + 1))];
@@ -265,6 +281,22 @@ ColorRegion DiscFinder::measured(Disc disc) const {
   out.box = {int(std::floor(out.centre.x() - disc.radius_px)), int(std::floor(out.centre.y() - disc.radius_px)),
              int(std::ceil(out.centre.x() + disc.radius_px)), int(std::ceil(out.centre.y() + disc.radius_px))};
   return out;
+}
+
+ColorRegion DiscFinder::measure(PixelBox box, std::span<const std::int16_t> evidence, const Disc& start) {
+  box_ = box, width_ = box.u_max - box.u_min + 1, height_ = box.v_max - box.v_min + 1;
+  evidence_.assign(evidence.begin(), evidence.end());
+  sum_up();
+  return measured({start.px - Eigen::Vector2d(box.u_min, box.v_min), start.radius_px});
+}
+
+double DiscFinder::ring_to() {
+  return room_colors.ring_to;
+}
+
+bool DiscFinder::is_in_ring(const Disc& disc, const Eigen::Vector2d& px) {
+  const double radii2 = (px - disc.px).squaredNorm() / (disc.radius_px * disc.radius_px);
+  return radii2 >= room_colors.ring_from * room_colors.ring_from && radii2 <= room_colors.ring_to * room_colors.ring_to;
 }
 
 const std::vector<ColorRegion>& DiscFinder::find(MatchBits& view, PixelBox box, double smallest_px, double largest_px) {

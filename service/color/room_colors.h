@@ -38,6 +38,11 @@ class RoomColors {
   // Natural logarithm of a matching pixel's odds, in units of 1 / evidence_unit. After learn().
   std::int16_t evidence(const MatchBits& view, int u, int v) const;
   static std::int16_t evidence_of_no_match();
+  // The same of any pixel near an object, in every room: 0 where it does not match, and less the more the pixel is as
+  // the background that is known there; as_background: log p(pixel | background) - log p(pixel | anything), 0: it is
+  // not.
+  static std::int16_t evidence_near_object(const MatchBits& view, int u, int v, bool matches, double as_background);
+  static double hidden_share();                // of an object's pixels, on average
   static constexpr double evidence_unit = 16;  // layout
 
  private:
@@ -60,12 +65,22 @@ class DiscFinder {
   // view.room() is not null. Valid until the next call.
   const std::vector<ColorRegion>& find(MatchBits& view, PixelBox box, double smallest_px, double largest_px);
 
+  // Mean and covariance of the centre of the disc near `start` of which the evidence of the box's pixels is: row by
+  // row, in units of 1 / RoomColors::evidence_unit. The box lies in the picture. Its area is 0 where no pixel speaks
+  // for it.
+  ColorRegion measure(PixelBox box, std::span<const std::int16_t> evidence, const Disc& start);
+
+  // The ring around a disc in which nothing should stand out; its outer radius in those of the disc.
+  static double ring_to();
+  static bool is_in_ring(const Disc& disc, const Eigen::Vector2d& px);
+
  private:
   struct Peak {
     double score;
     Disc disc;
   };
   void weigh(MatchBits& view, const PixelBox& box);
+  void sum_up();
   double sum(double u0, double v0, double u1, double v1) const;  // of evidence_, relative to the box
   double score(double u, double v, double radius_px) const;
   static double most_score(double radius_px);

@@ -76,4 +76,18 @@ std::optional<BallOutline> outline_of(const calib::Camera& camera, const Eigen::
   return out;
 }
 
+std::optional<outline::Picture> picture_around(const TargetView& view, const Eigen::Vector2d& px) {
+  if (capture::has_pixels(*view.image)) return picture_of(*view.image);
+  if (!view.frame->matches) return std::nullopt;
+  const capture::Matches::Patch* best = nullptr;
+  double best_px = 0;
+  for (const auto& patch : view.frame->matches->patches) {
+    const double from_left = px.x() - patch.at.u, from_top = px.y() - patch.at.v;
+    const double inside_px = std::min({from_left, patch.at.width - from_left, from_top, patch.at.height - from_top});
+    if (inside_px > best_px) best = &patch, best_px = inside_px;
+  }
+  if (best == nullptr) return std::nullopt;
+  return picture_of(*best, view.image->width, view.image->height);
+}
+
 }  // namespace huetrack::object_tracking

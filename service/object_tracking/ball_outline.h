@@ -6,6 +6,7 @@
 
 #include "calib/model/camera_rig.h"
 #include "capture/frames/frame.h"
+#include "object_tracking/target_views.h"
 #include "outline/outline_fit.h"
 
 namespace huetrack::object_tracking {
@@ -13,6 +14,9 @@ namespace huetrack::object_tracking {
 outline::Picture picture_of(const capture::Image& image);  // refers to the image
 // Of a patch, the only part that is there of an image of this size.
 outline::Picture picture_of(const capture::Matches::Patch& patch, int width, int height);
+
+// The view's pixels around this place: the image, or of a frame of matches the patch in which it is most central.
+std::optional<outline::Picture> picture_around(const TargetView& view, const Eigen::Vector2d& px);
 
 // The tangent cone's image: an ellipse, as far as the lens is locally affine. Its centre lies further out than the
 // ball's projected centre.

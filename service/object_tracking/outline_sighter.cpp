@@ -44,21 +44,6 @@ struct OutlineSighterTuning {
 constexpr OutlineSighterTuning outline_sighter{};
 constexpr double unknown_log_size = outline::appearance_prior.log_size_sigma;  // before it is learnt
 
-// The view's pixels around this place: the image, or of a frame of matches the patch in which it is most central.
-std::optional<outline::Picture> picture_around(const TargetView& view, const Eigen::Vector2d& px) {
-  if (capture::has_pixels(*view.image)) return picture_of(*view.image);
-  if (!view.frame->matches) return std::nullopt;
-  const capture::Matches::Patch* best = nullptr;
-  double best_px = 0;
-  for (const auto& patch : view.frame->matches->patches) {
-    const double from_left = px.x() - patch.at.u, from_top = px.y() - patch.at.v;
-    const double inside_px = std::min({from_left, patch.at.width - from_left, from_top, patch.at.height - from_top});
-    if (inside_px > best_px) best = &patch, best_px = inside_px;
-  }
-  if (best == nullptr) return std::nullopt;
-  return picture_of(*best, view.image->width, view.image->height);
-}
-
 // The whole image that came with a frame of matches, if it has the patches' format: another one subsamples chroma
 // differently.
 const capture::Image* rare_picture(const TargetView& view) {
@@ -195,6 +180,12 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionState& state, c
   sighting = sharp;
   sighting.is_outline = true;
   return true;
+}
+
+std::optional<KnownBackground> OutlineSighter::behind(std::size_t camera) const {
+  const PerView& of = views_[camera];
+  if (!of.behind) return std::nullopt;
+  return KnownBackground{&*of.behind, std::sqrt(std::max(1.0, of.look.usual_misfit))};
 }
 
 void OutlineSighter::learn(const std::vector<TargetView>& views, const MotionState& state) {

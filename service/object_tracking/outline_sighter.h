@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "calib/model/camera_rig.h"
+#include "object_tracking/covered_ball.h"
 #include "object_tracking/expected_view.h"
 #include "object_tracking/motion_state.h"
 #include "object_tracking/sighting.h"
@@ -28,6 +29,9 @@ class OutlineSighter {
                const Eigen::Matrix2d& spread, Sighting& sighting);
 
   bool is_enabled() const { return shape_ != TargetShape::blob && !is_blob_; }
+
+  // nullopt: the background is not learnt, or not yet.
+  std::optional<KnownBackground> behind(std::size_t camera) const;
 
   // Learns the background around the object and ahead of it.
   void learn(const std::vector<TargetView>& views, const MotionState& state);

@@ -9,6 +9,7 @@
 
 #include "color/color_region.h"
 #include "color/room_colors.h"
+#include "object_tracking/covered_ball.h"
 #include "object_tracking/expected_view.h"
 #include "object_tracking/outline_sighter.h"
 #include "object_tracking/sighting.h"
@@ -75,6 +76,8 @@ class ObjectSighter {
   std::span<const color::ColorRegion> regions_near(const object_tracking::TargetView& view,
                                                    const object_tracking::BallProjection& at,
                                                    const Eigen::Matrix2d& spread);
+  void measure_covered(const object_tracking::TargetView& view, const object_tracking::BallProjection& at,
+                       object_tracking::Sighting& sighting);
   std::optional<object_tracking::Sighting> outline_of_merged(const object_tracking::TargetView& view,
                                                              const object_tracking::MotionState& motion,
                                                              const object_tracking::ExpectedView& expected,
@@ -85,9 +88,10 @@ class ObjectSighter {
   double radius_m_;
   object_tracking::ObjectTrackerOptions options_;
   object_tracking::OutlineSighter outlines_;
-  std::vector<LastRegion> last_;                          // per camera
-  std::vector<UsualSize> usual_;                          // per camera
-  std::vector<color::RegionFinder> finders_;              // per camera
+  std::vector<LastRegion> last_;              // per camera
+  std::vector<UsualSize> usual_;              // per camera
+  std::vector<color::RegionFinder> finders_;  // per camera
+  object_tracking::CoveredBall covered_;
   std::vector<color::DiscFinder> disc_finders_;           // per camera
   std::vector<color::ColorRegion> near_;                  // work space of regions_near()
   std::vector<std::vector<color::ColorRegion>> regions_;  // work space of sight_after_bounce(), per view
