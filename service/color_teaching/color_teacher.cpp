@@ -301,7 +301,8 @@ Taught ColorTeacher::teach(const TeachRequestOptions& request, const object_trac
       continue;
     }
     view.region = regions_of(*region, 1).front();
-    learn_view(view, c, *region, request);
+    view.object = *region;
+    view.pointed = true;
   }
   if (!taught.any()) {
     for (std::size_t c = 0; c < images_.size(); ++c)
@@ -309,21 +310,8 @@ Taught ColorTeacher::teach(const TeachRequestOptions& request, const object_trac
         taught.views[c].verdict = "camera " + rig_.cameras[c].name + ": " + taught.views[c].problem;
     return taught;
   }
-  const auto first = std::ranges::find_if(taught.views, &TaughtView::pointed);
-  for (TaughtView& view : taught.views)
-    if (!view.pointed) view.color = first->color;
   suggest(taught.views, request, volume);
-  judge_all(taught, request);
-  return taught;
-}
-
-void ColorTeacher::learn_view(TaughtView& view, std::size_t camera, PixelMask object,
-                              const TeachRequestOptions& request) const {
-  view.pointed = true;
-  view.object = std::move(object);
-  view.color =
-      fit_range(*images_[camera], view.object, background_of(view, ignored_in(request, camera)), request.wider);
-  view.object_share = share_of(*images_[camera], view.object, view.color);
+  return fitted(std::move(taught), request);
 }
 
 void ColorTeacher::judge_all(Taught& taught, const TeachRequestOptions& request) const {
@@ -398,9 +386,14 @@ Taught ColorTeacher::held_elsewhere(Taught taught, const TeachRequestOptions& re
     if (seen.moment == 0) view.alike.push_back(seen.view.region);
     view.elsewhere.push_back(std::move(seen.pixels));
   }
+  return fitted(std::move(taught), request);
+}
+
+Taught ColorTeacher::fitted(Taught taught, const TeachRequestOptions& request) const {
+  if (!taught.any()) return taught;
   for (std::size_t c = 0; c < taught.views.size(); ++c) {
     TaughtView& view = taught.views[c];
-    if (!view.pointed || view.elsewhere.empty()) continue;
+    if (!view.pointed) continue;
     view.color = fit_range(all_seen_of(view, *images_[c]), *images_[c], background_of(view, ignored_in(request, c)),
                            request.wider);
     view.object_share = share_of(*images_[c], view.object, view.color);
@@ -435,8 +428,9 @@ void ColorTeacher::suggest(std::vector<TaughtView>& views, const TeachRequestOpt
     if (!suggestions[i]) continue;
     TaughtView& view = views[cameras[i]];
     view.region = suggestions[i]->region;
-    if (request.accepts_suggestions && view.problem.empty())
-      learn_view(view, cameras[i], std::move(suggestions[i]->pixels), request);
+    if (!request.accepts_suggestions || !view.problem.empty()) continue;
+    view.object = std::move(suggestions[i]->pixels);
+    view.pointed = true;
   }
 }
 

@@ -28,6 +28,7 @@ struct TeachRequestOptions {
   int wider = 0;                              // steps; negative: narrower
   bool accepts_suggestions = false;           // suggestions in the other cameras count as pointed at
   std::optional<double> radius_m{};           // of the object, if it is known
+  bool is_tried = false;                      // on a recording, which decides the width
 };
 
 struct TaughtView {
@@ -91,6 +92,9 @@ class ColorTeacher {
   Taught held_elsewhere(Taught taught, const TeachRequestOptions& request, const object_tracking::Volume& volume,
                         bool several) const;
 
+  // `taught` with the ranges of another width (request.wider), from the same pixels.
+  Taught fitted(Taught taught, const TeachRequestOptions& request) const;
+
   // The object's size, from the points, the suggestions, and all moments with exactly one ball of about that size and
   // colour.
   RadiusProposal radius(const Taught& taught, const object_tracking::IgnoredRegions& ignored,
@@ -119,7 +123,6 @@ class ColorTeacher {
                                                const std::vector<color::PixelBox>& ignored) const;
   void suggest(std::vector<TaughtView>& views, const TeachRequestOptions& request,
                const object_tracking::Volume& volume) const;
-  void learn_view(TaughtView& view, std::size_t camera, PixelMask object, const TeachRequestOptions& request) const;
 
   calib::CameraRig rig_;
   bool has_poses_;

@@ -57,6 +57,24 @@ std::optional<int> narrower_steps(const Taught& taught) {
   return steps;
 }
 
+// All that follows from the ranges of lesson.taught.
+void judge(Lesson& lesson, const ColorTeacher& teacher, const TeachRequestOptions& request,
+           const std::vector<object_tracking::TargetOptions>& targets) {
+  const Taught& taught = lesson.taught;
+  lesson.why_useless.clear(), lesson.why_doubtful.clear();
+  if (!lesson.accepted.empty()) {
+    const auto is_taught = [&](const TeachPoint& p) { return taught.views[std::size_t(p.camera)].pointed; };
+    const auto first = std::size_t(std::ranges::find_if(request.points, is_taught)->camera);
+    lesson.why_useless = why_not_accepted(taught, teacher.rig(), first, lesson.accepted);
+    lesson.why_doubtful = why_doubtful(taught, teacher.rig(), lesson.accepted);
+  }
+  if (taught.any()) lesson.target = with_taught_color(lesson.target, teacher.rig(), taught);
+  lesson.namesakes = teacher.namesakes(taught, targets, lesson.target.name);
+  if (lesson.why_useless.empty()) lesson.why_useless = why_useless(taught, teacher.rig());
+  lesson.is_faint = std::ranges::any_of(
+      taught.views, [](const TaughtView& view) { return view.pointed && view.object_share < least_object_share; });
+}
+
 }  // namespace
 
 Lesson learn(const ColorTeacher& teacher, const TeachRequestOptions& requested,
@@ -65,37 +83,32 @@ Lesson learn(const ColorTeacher& teacher, const TeachRequestOptions& requested,
   TeachRequestOptions request = requested;
   if (!target.is_radius_assumed) request.radius_m = target.radius_m;
   Lesson lesson;
-  const auto taught_with = [&] {
-    return teacher.held_elsewhere(teacher.teach(request, volume), request, volume, target.count > 1);
-  };
-  lesson.taught = taught_with();
   lesson.target = target;
+  lesson.taught = teacher.held_elsewhere(teacher.teach(request, volume), request, volume, target.count > 1);
   if (request.accepts_suggestions && lesson.taught.any()) {
     const auto is_clicked = [&](std::size_t c) {
       return std::ranges::find(request.points, int(c), &TeachPoint::camera) != request.points.end();
     };
-    std::vector<std::size_t>& accepted = lesson.accepted;
     for (std::size_t c = 0; c < lesson.taught.views.size(); ++c)
-      if (lesson.taught.views[c].pointed && !is_clicked(c)) accepted.push_back(c);
-    const auto is_taught = [&](const TeachPoint& p) { return lesson.taught.views[std::size_t(p.camera)].pointed; };
-    const auto first = std::size_t(std::ranges::find_if(request.points, is_taught)->camera);
-    // No user checks what else has the colour: narrower ranges that leave it out are used, unless a width is requested.
-    if (const auto steps = narrower_steps(lesson.taught); steps && request.wider == 0) {
+      if (lesson.taught.views[c].pointed && !is_clicked(c)) lesson.accepted.push_back(c);
+    // No user checks what else has the colour: narrower ranges that leave it out are used, unless a width is requested,
+    // or a trial shows whether the tracker distinguishes the two.
+    if (const auto steps = narrower_steps(lesson.taught); steps && request.wider == 0 && !request.is_tried) {
       request.wider = *steps;
-      lesson.taught = taught_with();
+      lesson.taught = teacher.fitted(std::move(lesson.taught), request);
       lesson.narrowed_to = *steps;
     }
-    lesson.why_useless = why_not_accepted(lesson.taught, teacher.rig(), first, accepted);
-    lesson.why_doubtful = why_doubtful(lesson.taught, teacher.rig(), accepted);
   }
-  const Taught& taught = lesson.taught;
-  if (taught.any()) lesson.target = with_taught_color(target, teacher.rig(), taught);
-  lesson.unconfirmed = unconfirmed(taught, teacher.rig());
-  lesson.namesakes = teacher.namesakes(taught, targets, target.name);
-  if (taught.any()) lesson.radius = teacher.radius(taught, request.ignored, volume);
-  if (lesson.why_useless.empty()) lesson.why_useless = why_useless(taught, teacher.rig());
-  lesson.is_faint = std::ranges::any_of(
-      taught.views, [](const TaughtView& view) { return view.pointed && view.object_share < least_object_share; });
+  lesson.unconfirmed = unconfirmed(lesson.taught, teacher.rig());
+  if (lesson.taught.any()) lesson.radius = teacher.radius(lesson.taught, request.ignored, volume);
+  judge(lesson, teacher, request, targets);
+  return lesson;
+}
+
+Lesson with_width(Lesson lesson, const ColorTeacher& teacher, const TeachRequestOptions& request,
+                  const std::vector<object_tracking::TargetOptions>& targets) {
+  lesson.taught = teacher.fitted(std::move(lesson.taught), request);
+  judge(lesson, teacher, request, targets);
   return lesson;
 }
 

@@ -34,6 +34,10 @@ Lesson learn(const ColorTeacher& teacher, const TeachRequestOptions& request,
              const std::vector<object_tracking::TargetOptions>& targets, const object_tracking::TargetOptions& target,
              const object_tracking::Volume& volume);
 
+// The same lesson with ranges of another width (request.wider). The size was measured with those of the lesson.
+Lesson with_width(Lesson lesson, const ColorTeacher& teacher, const TeachRequestOptions& request,
+                  const std::vector<object_tracking::TargetOptions>& targets);
+
 // What the user should know of the object's size, one or two sentences. configured_m: nullopt: not configured.
 std::string radius_words(const RadiusProposal& proposal, std::optional<double> configured_m);
 

@@ -124,6 +124,7 @@ Pointing pointing_of(const TeachCommand& command, const config::ServiceConfig& c
   Pointing pointing;
   pointing.request.wider = command.wider;
   pointing.request.accepts_suggestions = command.accept;
+  pointing.request.is_tried = !is_live(command);
   for (const std::string& text : command.at) {
     const At at = at_of(config.rig, text);
     if (!pointing.frames.emplace(at.point.camera, at.frame).second)
@@ -393,7 +394,7 @@ int teach(const TeachCommand& command, std::stop_token stop) {
   const auto first_camera = std::size_t(pointing.request.points.front().camera);
   const TriedTeaching teaching(command, config, target, teacher, pointing.request,
                                pictures.set.frames[first_camera]->captured_at);
-  color_teaching::Lesson lesson = teaching.learn(command.wider);
+  color_teaching::Lesson lesson = teaching.learn();
   const bool is_sized = !target.is_radius_assumed;
   const auto show = [&](const color_teaching::Lesson& learnt) {
     print_lesson(learnt, config.rig, pictures.numbers, is_sized ? std::optional(target.radius_m) : std::nullopt);

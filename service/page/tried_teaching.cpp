@@ -66,10 +66,8 @@ TriedTeaching::TriedTeaching(const TeachCommand& command, const config::ServiceC
       request_(request),
       seen_{.point = request.points.front(), .at = clicked_at} {}
 
-color_teaching::Lesson TriedTeaching::learn(int wider) const {
-  color_teaching::TeachRequestOptions request = request_;
-  request.wider = wider;
-  return color_teaching::learn(teacher_, request, config_.targets, target_, config_.object_tracking.volume);
+color_teaching::Lesson TriedTeaching::learn() const {
+  return color_teaching::learn(teacher_, request_, config_.targets, target_, config_.object_tracking.volume);
 }
 
 TriedLesson TriedTeaching::untried(color_teaching::Lesson lesson) const {
@@ -90,7 +88,7 @@ bool TriedTeaching::passes(TriedLesson& tried, const std::stop_token& stop) cons
   const std::string other = other_reason(tried.lesson, camera(), seen_.point.px, config_.object_tracking.volume);
   const bool depends_on_width = other.empty() && command_.wider == 0 && !is_elsewhere(tried.trial, tried.lesson);
   if (depends_on_width) {
-    fmt::print("With the learnt colour, {}: narrower and wider ranges are tried\n", words(tried));
+    fmt::print("With the learnt colour, {}: wider and narrower ranges are tried\n", words(tried));
     tried = best_width(std::move(tried), stop);
   }
   const bool may_be_forced = tried.lesson.accepted.empty();
@@ -107,18 +105,14 @@ bool TriedTeaching::passes(TriedLesson& tried, const std::stop_token& stop) cons
 
 TriedLesson TriedTeaching::best_width(TriedLesson best, const std::stop_token& stop) const {
   constexpr int furthest = 3;  // steps; further away the range is another colour's
-  const int learnt_with = best.lesson.narrowed_to.value_or(0);
-  const std::size_t open = best.lesson.unconfirmed.size();
+  const color_teaching::Lesson learnt = best.lesson;
   std::optional<int> used;
-  const bool covers_much = !best.lesson.why_doubtful.empty();
-  for (const int direction : {-1, 1}) {
-    if (direction > 0 && covers_much) continue;  // wider ones cover more
+  for (const int direction : {1, -1}) {
     for (int step = 1; step <= furthest; ++step) {
-      const int wider = learnt_with + step * direction;
-      if (wider == 0) continue;  // 0: narrowed once more
-      color_teaching::Lesson lesson = learn(wider);
-      const bool is_useless = !lesson.why_useless.empty() || lesson.unconfirmed.size() > open;
-      if (is_useless || (command_.radius && !lesson.radius.radius_m)) break;
+      color_teaching::TeachRequestOptions request = request_;
+      const int wider = request.wider = step * direction;
+      color_teaching::Lesson lesson = color_teaching::with_width(learnt, teacher_, request, config_.targets);
+      if (!lesson.why_useless.empty()) break;
       TriedLesson next = untried(std::move(lesson));
       try_it(next, stop);
       fmt::print("  --wider {}: {}\n", wider, words(next));
@@ -126,6 +120,7 @@ TriedLesson TriedTeaching::best_width(TriedLesson best, const std::stop_token& s
       if (!is_better && best.is_found()) break;
       if (is_better) best = std::move(next), best.is_of_other_width = true, used = wider;
     }
+    if (used) break;  // wider ones are better: narrower ones are not
   }
   if (used) fmt::print("So the ranges of --wider {} are used:\n", *used);
   return best;

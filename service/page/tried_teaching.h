@@ -33,8 +33,7 @@ class TriedTeaching {
                 const object_tracking::TargetOptions& target, const color_teaching::ColorTeacher& teacher,
                 const color_teaching::TeachRequestOptions& request, capture::Timestamp clicked_at);
 
-  // wider: as in TeachRequestOptions
-  color_teaching::Lesson learn(int wider) const;
+  color_teaching::Lesson learn() const;
 
   // With the radius that would be written. throws std::runtime_error: --radius, but none was measured
   TriedLesson untried(color_teaching::Lesson lesson) const;

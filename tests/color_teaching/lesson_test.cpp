@@ -186,6 +186,16 @@ TEST(Lesson, OfAcceptedSuggestionsNarrowerRangesLeaveAnotherThingOut) {
     EXPECT_GE(view.object_share, least_object_share);
   }
   EXPECT_EQ(accepted.why_doubtful, "");
+  // Where a trial decides the width, the other thing narrows nothing; another width is of the same pixels.
+  request.is_tried = true;
+  const Lesson tried = learn(teacher, request, {target}, target, {});
+  EXPECT_FALSE(tried.narrowed_to);
+  EXPECT_TRUE(color::contains(tried.taught.views[0].color, other));
+  request.wider = *accepted.narrowed_to;
+  const Lesson narrowed = with_width(tried, teacher, request, {target});
+  EXPECT_EQ(narrowed.target.color, accepted.target.color);
+  EXPECT_EQ(narrowed.target.camera_colors, accepted.target.camera_colors);
+  EXPECT_EQ(narrowed.radius.radius_m, tried.radius.radius_m);
   // A requested width is used: only a trial can show that the suggestions are right.
   request.wider = 1;
   const Lesson wider = learn(teacher, request, {target}, target, {});

@@ -245,5 +245,18 @@ TEST_F(Teach, AcceptTakesWhatIsOnlySuggestedThen) {
   EXPECT_TRUE(fs::exists(taught));
 }
 
+// An orange ball in a hand, before wood of its hue: ranges that leave the wood out do not hold the ball, and the
+// tracker distinguishes the two. The trial shows it.
+TEST_F(Teach, AcceptInAHandUsesRangesThatTheRoomShares) {
+  const fs::path hand = fs::path(HUETRACK_SHARED_DATA) / "rendered/hand";
+  if (!fs::exists(hand)) GTEST_SKIP() << hand << " is not there";
+  std::ofstream(config) << "version: 1\nrig: " << (hand / "rig.yaml").string()
+                        << "\ntargets: {ball: {radius_m: 0.0469, color: {hue_deg: [0, 40]}}}\n"
+                           "object_tracking: {volume: {min: [-1, -1, 0], max: [1, 1, 2.1]}}\ndds: {enabled: false}\n";
+  const Result result = run({"teach", config, hand, "--at", "cam1,40,334.2,244.1", "--accept"});
+  EXPECT_EQ(result.status, 0) << result.out << result.err;
+  EXPECT_TRUE(fs::exists(taught));
+}
+
 }  // namespace
 }  // namespace huetrack::end_to_end
