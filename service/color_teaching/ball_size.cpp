@@ -19,9 +19,6 @@ using object_tracking::outline_of;
 // Two regions are of one ball if their rays meet to so many pixels, or so much of their radius: the frames may not be
 // of one moment, and thresholds cut off the dark side.
 constexpr double meets_px = 3, meets_radii = 0.5;
-constexpr double same_size = 0.3;    // of logarithms: two views of one ball, by regions
-constexpr double about_size = 0.45;  // of logarithms: one moment's size against another's
-constexpr double beside_volume_m = 0.1;
 
 // A disc's box is as wide as it is high, and pi/4 of it is filled. Motion and a rolling shutter stretch it by a third.
 constexpr double most_stretched = 1.45, least_filled = 0.75, most_filled = 1.2;
@@ -54,10 +51,6 @@ constexpr double most_apart = 0.2;  // of logarithms: views that are inconsisten
 
 // A clear difference: three sigmas of the proposal, and the error of a ruler laid on a ball.
 constexpr double clear_sigmas = 3, ruler = 0.05;
-
-double log_ratio(double a, double b) {
-  return std::log(a / b);
-}
 
 struct Seen {
   const calib::Camera* camera;
@@ -258,46 +251,6 @@ RadiusProposal combined(const calib::CameraRig& rig, std::span<const Vote> votes
   return out;
 }
 
-struct Ball {
-  Eigen::Vector3d at;
-  std::vector<ColoredRegion> views;
-};
-
-std::vector<Ball> all_balls_of(const calib::CameraRig& rig, std::span<const ColoredRegion> candidates,
-                               const object_tracking::Volume& volume, double about_m) {
-  std::vector<Ball> balls;
-  const auto explains = [&](std::span<const ColoredRegion> views) -> std::optional<Eigen::Vector3d> {
-    const auto seen = seen_of(rig, views);
-    const auto at = meeting_point(seen);
-    if (!at || (at->array() < volume.min.array() - beside_volume_m).any() ||
-        (at->array() > volume.max.array() + beside_volume_m).any())
-      return std::nullopt;
-    double least = 0, most = 0;
-    for (const Seen& view : seen) {
-      const auto radius = radius_there(view, *at, about_m);
-      if (!radius || std::abs(log_ratio(*radius, about_m)) > about_size) return std::nullopt;
-      if (&view == &seen.front()) least = most = *radius;
-      least = std::min(least, *radius), most = std::max(most, *radius);
-    }
-    return log_ratio(most, least) < same_size ? at : std::nullopt;
-  };
-  for (std::size_t i = 0; i < candidates.size(); ++i) {
-    for (std::size_t j = 0; j < candidates.size(); ++j) {
-      if (candidates[i].camera >= candidates[j].camera) continue;
-      Ball ball{.at = {}, .views = {candidates[i], candidates[j]}};
-      if (!explains(ball.views)) continue;
-      for (const ColoredRegion& third : candidates) {
-        if (std::ranges::find(ball.views, third.camera, &ColoredRegion::camera) != ball.views.end()) continue;
-        ball.views.push_back(third);
-        if (!explains(ball.views)) ball.views.pop_back();
-      }
-      ball.at = *explains(ball.views);
-      balls.push_back(std::move(ball));
-    }
-  }
-  return balls;
-}
-
 }  // namespace
 
 bool differs_clearly(const RadiusProposal& proposal, double radius_m) {
@@ -318,31 +271,8 @@ std::optional<double> radius_of_regions(const calib::CameraRig& rig, std::span<c
   return radii ? radii->median() : std::nullopt;
 }
 
-std::vector<ColoredRegion> one_ball_of(const calib::CameraRig& rig, std::span<const ColoredRegion> candidates,
-                                       const object_tracking::Volume& volume, double about_m) {
-  const std::vector<Ball> balls = all_balls_of(rig, candidates, volume, about_m);
-  const auto best = std::ranges::max_element(balls, {}, [](const Ball& ball) { return ball.views.size(); });
-  if (best == balls.end()) return {};
-  const bool is_clear = std::ranges::all_of(balls, [&](const Ball& other) {
-    return other.views.size() < best->views.size() || (other.at - best->at).norm() < about_m;
-  });
-  return is_clear ? best->views : std::vector<ColoredRegion>{};
-}
-
-std::vector<std::vector<ColoredRegion>> balls_of(const calib::CameraRig& rig, std::span<const ColoredRegion> candidates,
-                                                 const object_tracking::Volume& volume, double about_m) {
-  std::vector<Ball> balls = all_balls_of(rig, candidates, volume, about_m);
-  std::ranges::stable_sort(balls, [](const Ball& a, const Ball& b) { return a.views.size() > b.views.size(); });
-  const auto share = [](const std::vector<ColoredRegion>& a, const std::vector<ColoredRegion>& b) {
-    return std::ranges::any_of(a, [&](const ColoredRegion& one) {
-      return std::ranges::any_of(b, [&](const ColoredRegion& other) { return one.is_same_as(other); });
-    });
-  };
-  std::vector<std::vector<ColoredRegion>> out;
-  for (Ball& ball : balls)
-    if (std::ranges::none_of(out, [&](const auto& better) { return share(better, ball.views); }))
-      out.push_back(std::move(ball.views));
-  return out;
+std::optional<Eigen::Vector3d> meeting_point(const calib::CameraRig& rig, std::span<const ColoredRegion> views) {
+  return meeting_point(seen_of(rig, views));
 }
 
 RadiusProposal voted_radius(const calib::CameraRig& rig, std::span<const BallMoment> moments) {

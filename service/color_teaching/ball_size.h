@@ -17,10 +17,6 @@ namespace huetrack::color_teaching {
 struct ColoredRegion {
   std::size_t camera = 0;  // in the rig
   MaskRegion region;
-  // Of one picture, whose regions do not overlap.
-  bool is_same_as(const ColoredRegion& other) const {
-    return camera == other.camera && region.centre == other.region.centre;
-  }
 };
 
 // One ball at one moment, in two views or more. The pictures are whole, one slot per camera of the rig.
@@ -40,15 +36,8 @@ struct RadiusProposal {
 // The proposal and a configured radius differ by more than their usual errors.
 bool differs_clearly(const RadiusProposal& proposal, double radius_m);
 
-// The regions of the one ball of about this radius that explains them; empty: none, or more than one.
-// candidates: of one moment, of all cameras, in any order.
-std::vector<ColoredRegion> one_ball_of(const calib::CameraRig& rig, std::span<const ColoredRegion> candidates,
-                                       const object_tracking::Volume& volume, double about_m);
-
-// The regions of each ball; balls in more views first; no two share a region. Rays of different balls may meet, too: a
-// result has the colour and the size, and need not be one ball.
-std::vector<std::vector<ColoredRegion>> balls_of(const calib::CameraRig& rig, std::span<const ColoredRegion> candidates,
-                                                 const object_tracking::Volume& volume, double about_m);
+// Where the rays of the regions' centres meet to some pixels; nullopt: nowhere.
+std::optional<Eigen::Vector3d> meeting_point(const calib::CameraRig& rig, std::span<const ColoredRegion> views);
 
 // From regions alone, whose thresholds leave or remove some of the edge. nullopt: fewer than two views, or no ball.
 std::optional<double> radius_of_regions(const calib::CameraRig& rig, std::span<const ColoredRegion> views);

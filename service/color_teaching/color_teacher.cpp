@@ -7,10 +7,8 @@
 #include <utility>
 
 #include "capture/frames/image_copy.h"
-#include "color/color_region.h"
 #include "color_teaching/color_fit.h"
 #include "color_teaching/suggestion.h"
-#include "object_tracking/target_views.h"
 
 namespace huetrack::color_teaching {
 namespace {
@@ -24,14 +22,7 @@ constexpr double moved_between_frames_m = 0.1;
 constexpr int most_narrowing = 5;            // steps; further ones leave nothing of a shaded ball
 constexpr double worth_narrowing = 0.5;      // of the background that matched
 constexpr double negligible_share = 0.0005;  // of the background
-constexpr int grid_px = 3, usual_extent_px = 48, least_seen_area = 16, least_part_area = 8;  // of regions of its colour
-constexpr std::size_t most_candidates = 8;  // of one picture: the largest
-// Around a region of the colour, of its box's width and height: it may be a part of the object.
-constexpr int looked_around_px = 8;
-constexpr double looked_around = 1.5;
-constexpr double most_of_about = 2;  // of a radius that is known by regions
-constexpr double same_place_px = 2;
-constexpr double notable_patch = 0.25;  // of the object's own area: a patch that could be taken for it
+constexpr double notable_patch = 0.25;       // of the object's own area: a patch that could be taken for it
 
 std::string part_of_picture(const Eigen::Vector2d& at, int width, int height) {
   const int column = std::clamp(static_cast<int>(3 * at.x() / width), 0, 2);
@@ -57,43 +48,20 @@ double share_of(const HsiImage& image, const PixelMask& region, const color::Hsi
   return static_cast<double>(both) / static_cast<double>(std::max<std::size_t>(1, region.count()));
 }
 
+// The same of what was seen at other moments.
+double share_of(const std::vector<std::vector<color::Hsi>>& seen, const color::HsiRange& range) {
+  std::size_t all = 0, match = 0;
+  for (const auto& pixels : seen) {
+    all += pixels.size();
+    match += std::size_t(std::ranges::count_if(pixels, [&](const color::Hsi& p) { return color::contains(range, p); }));
+  }
+  return double(match) / double(std::max<std::size_t>(1, all));
+}
+
 // With its soft edge.
 color::PixelBox around(const MaskRegion& region) {
   const int reach = soft_edge_px + static_cast<int>(region.radius_px() / 2);
   return {region.box.u_min - reach, region.box.v_min - reach, region.box.u_max + reach, region.box.v_max + reach};
-}
-
-struct GrownRegion {
-  MaskRegion region;
-  std::vector<color::Hsi> pixels;
-};
-// The largest radius that a ball has in the camera's picture anywhere in the volume.
-double largest_px(const calib::Camera& camera, double radius_m, const object_tracking::Volume& volume) {
-  const Eigen::Vector3d nearest = camera.centre().cwiseMax(volume.min).cwiseMin(volume.max);
-  return radius_m * camera.model.fx() / std::max(radius_m, (nearest - camera.centre()).norm());
-}
-
-// The round region that grow_region() gives around the middle of `found`; nullopt: none, or not whole. most_px: its
-// largest radius.
-std::optional<GrownRegion> grown_around(const capture::Image& image, const color::ColorRegion& found, double most_px) {
-  const int u = static_cast<int>(std::lround(found.centre.x())), v = static_cast<int>(std::lround(found.centre.y()));
-  const int extent = found.box.u_max - found.box.u_min + found.box.v_max - found.box.v_min + 2;
-  // What was found may be a part of the ball; its middle is inside the ball.
-  const int reach = looked_around_px + static_cast<int>(std::min(looked_around * extent, 2 * most_px));
-  const color::PixelBox box{std::max(0, u - reach), std::max(0, v - reach), std::min(image.width - 1, u + reach),
-                            std::min(image.height - 1, v + reach)};
-  const HsiImage part = hsi_image(image, box);
-  const auto mask = grow_region(part, {u - box.u_min, v - box.v_min});
-  if (!mask) return std::nullopt;
-  GrownRegion out{.region = regions_of(*mask, 1).front(), .pixels = pixels_of(part, *mask)};
-  const color::PixelBox& own = out.region.box;
-  if (own.u_min == 0 || own.v_min == 0 || own.u_max == part.width - 1 || own.v_max == part.height - 1 ||
-      !has_disc_shape(out.region))
-    return std::nullopt;
-  const Eigen::Vector2i at(box.u_min, box.v_min);
-  out.region.centre += at.cast<double>();
-  out.region.box = {own.u_min + at.x(), own.v_min + at.y(), own.u_max + at.x(), own.v_max + at.y()};
-  return out;
 }
 
 // The region around the pixel. Where the pixel moved and its region did not, the region is furniture of nearly the
@@ -233,42 +201,22 @@ std::vector<ColoredRegion> ColorTeacher::ball_of(const Taught& taught) const {
 
 // Everything but the object and others like it, with what is around them: soft edge, shadow, glint.
 PixelMask ColorTeacher::background_of(const TaughtView& view, const std::vector<color::PixelBox>& ignored) const {
-  PixelMask background = grown(view.object, soft_edge_px + static_cast<int>(view.region->radius_px() / 3));
+  PixelMask background =
+      view.region ? grown(view.object, soft_edge_px + static_cast<int>(view.region->radius_px() / 3)) : view.object;
   for (auto& pixel : background.pixels) pixel = pixel == 0 ? 1 : 0;
   for (const color::PixelBox& box : ignored) fill(background, box, 0);
   for (const MaskRegion& other : view.alike) fill(background, around(other), 0);
   return background;
 }
 
-RadiusProposal ColorTeacher::radius(const Taught& taught, const object_tracking::IgnoredRegions& ignored,
-                                    const object_tracking::Volume& volume) const {
+RadiusProposal ColorTeacher::radius(const Taught& taught) const {
   if (!has_poses_) return {.why_not = "the cameras are not calibrated yet"};
-  std::vector<BallMoment> moments(1);
-  moments[0].pictures = pictures_of(moments_.front());
-  moments[0].views = ball_of(taught);
-  const auto about = radius_of_regions(rig_, moments[0].views);
-  if (!about) return voted_radius(rig_, moments);
-  object_tracking::TargetOptions target;
-  target.name = "object";
-  target.ignored = ignored;
-  target = with_taught_color(std::move(target), rig_, taught);
-  object_tracking::TargetViews views(rig_, target);
-  color::RegionFinder finder;
-  for (std::size_t m = 1; m < moments_.size(); ++m) {
-    std::vector<ColoredRegion> candidates;
-    for (const object_tracking::TargetView& view : views.look_at(moments_[m])) {
-      const auto& found =
-          finder.components(*view.matches, grid_px, {}, usual_extent_px, view.image->width / 2, least_seen_area);
-      for (std::size_t i = 0; i < std::min(found.size(), most_candidates); ++i) {
-        const MaskRegion region{.area = found[i].area, .centre = found[i].centre, .box = found[i].box};
-        const bool is_whole = region.box.u_min > 0 && region.box.v_min > 0 &&
-                              region.box.u_max < view.image->width - 1 && region.box.v_max < view.image->height - 1;
-        if (is_whole && has_disc_shape(region)) candidates.push_back({std::size_t(view.index), region});
-      }
-    }
-    auto ball = one_ball_of(rig_, candidates, volume, *about);
-    if (!ball.empty()) moments.push_back({pictures_of(moments_[m]), std::move(ball)});
-  }
+  std::vector<BallMoment> moments;
+  std::vector<ColoredRegion> first = ball_of(taught);
+  if (taught.moments.empty() || radius_of_regions(rig_, first))
+    moments.push_back({pictures_of(moments_.front()), std::move(first)});
+  for (const Taught::Moment& moment : taught.moments)
+    moments.push_back({pictures_of(moments_[moment.index]), moment.views});
   return voted_radius(rig_, moments);
 }
 
@@ -322,69 +270,62 @@ void ColorTeacher::judge_all(Taught& taught, const TeachRequestOptions& request)
             ignored_in(request, c));
 }
 
-std::vector<ColorTeacher::SeenElsewhere> ColorTeacher::seen_elsewhere(const Taught& taught,
-                                                                      const TeachRequestOptions& request,
-                                                                      const object_tracking::Volume& volume,
-                                                                      bool several) const {
-  std::vector<SeenElsewhere> out;
-  const std::vector<ColoredRegion> pointed = ball_of(taught);
-  const auto about = has_poses_ ? radius_of_regions(rig_, pointed) : std::nullopt;
-  if (!about) return out;  // its size is unknown
-  // As far as light may change its colour, whatever else has it: size and position distinguish the object from that.
+// nullopt: its size is unknown.
+std::optional<FoundAgain> ColorTeacher::search_of(const Taught& taught, const TeachRequestOptions& request,
+                                                  const object_tracking::Volume& volume) const {
+  if (!has_poses_) return std::nullopt;
+  const auto about = radius_of_regions(rig_, ball_of(taught));
+  if (!about && !request.radius_m) return std::nullopt;
+  // As far as light may change its colour, whatever else has it: contrast, size and position distinguish the object.
   Taught in_any_light = taught;
-  for (std::size_t c = 0; c < in_any_light.views.size(); ++c) {
-    TaughtView& view = in_any_light.views[c];
-    if (view.pointed)
-      view.color = fit_range(*images_[c], view.object, PixelMask(view.object.width, view.object.height), 0);
+  std::vector<Look> looks(images_.size());
+  const auto first = std::size_t(std::ranges::find_if(taught.views, &TaughtView::pointed) - taught.views.begin());
+  for (std::size_t k = 0; k < images_.size(); ++k) {
+    const std::size_t c = taught.views[k].pointed ? k : first;
+    const PixelMask& object = taught.views[c].object;
+    in_any_light.views[k].color = fit_range(*images_[c], object, PixelMask(object.width, object.height), 0);
+    in_any_light.views[k].pointed = true;
+    looks[k] = look_of(pixels_of(*images_[c], object));
   }
   object_tracking::TargetOptions target;
   target.name = "object";
   target.ignored = request.ignored;
+  target.radius_m = about.value_or(request.radius_m.value_or(0));
   target = with_taught_color(std::move(target), rig_, in_any_light);
-  object_tracking::TargetViews views(rig_, target);
-  color::RegionFinder finder;
-  for (std::size_t m = several ? 0 : 1; m < moments_.size(); ++m) {
-    std::vector<SeenElsewhere> all;
-    std::vector<ColoredRegion> candidates;
-    for (const object_tracking::TargetView& view : views.look_at(moments_[m])) {
-      const auto camera = std::size_t(view.index);
-      const double most_px = most_of_about * largest_px(rig_.cameras[camera], *about, volume);
-      const auto& found =
-          finder.components(*view.matches, grid_px, {}, usual_extent_px, view.image->width / 2, least_part_area);
-      for (std::size_t i = 0; i < std::min(found.size(), most_candidates); ++i) {
-        auto grown = grown_around(*view.image, found[i], most_px);
-        const auto is_here = [&](const ColoredRegion& other) {
-          return other.camera == camera && (other.region.centre - grown->region.centre).norm() < same_place_px;
-        };
-        if (!grown || std::ranges::any_of(candidates, is_here) || (m == 0 && std::ranges::any_of(pointed, is_here)))
-          continue;
-        candidates.push_back({camera, grown->region});
-        all.push_back({m, candidates.back(), std::move(grown->pixels)});
-      }
-    }
-    std::vector<std::vector<ColoredRegion>> balls;
-    if (several)
-      balls = balls_of(rig_, candidates, volume, *about);
-    else
-      balls.push_back(one_ball_of(rig_, candidates, volume, *about));
-    for (const auto& ball : balls) {
-      for (const ColoredRegion& view : ball)
-        out.push_back(
-            *std::ranges::find_if(all, [&](const SeenElsewhere& seen) { return seen.view.is_same_as(view); }));
-    }
-  }
-  return out;
+  return std::make_optional<FoundAgain>(rig_, target, std::move(looks), volume);
 }
 
 Taught ColorTeacher::held_elsewhere(Taught taught, const TeachRequestOptions& request,
                                     const object_tracking::Volume& volume, bool several) const {
   if (!taught.any()) return taught;
-  std::vector<SeenElsewhere> all = seen_elsewhere(taught, request, volume, several);
-  if (all.empty()) return taught;
-  for (SeenElsewhere& seen : all) {
-    TaughtView& view = taught.views[seen.view.camera];
-    if (seen.moment == 0) view.alike.push_back(seen.view.region);
-    view.elsewhere.push_back(std::move(seen.pixels));
+  auto search = search_of(taught, request, volume);
+  if (!search) return taught;
+  const std::vector<ColoredRegion> pointed = ball_of(taught);
+  const auto is_pointed = [&](const FoundView& found) {
+    return std::ranges::any_of(pointed, [&](const ColoredRegion& own) {
+      return own.camera == found.view.camera &&
+             (own.region.centre - found.view.region.centre).norm() < own.region.radius_px();
+    });
+  };
+  for (std::size_t m = several ? 0 : 1; m < moments_.size(); ++m) {
+    auto balls = search->in(moments_[m], several);
+    if (m == 0) std::erase_if(balls, [&](const auto& ball) { return std::ranges::any_of(ball, is_pointed); });
+    if (m > 0 && balls.size() == 1) taught.moments.push_back({.index = m, .views = {}});
+    for (auto& ball : balls) {
+      for (FoundView& found : ball) {
+        TaughtView& view = taught.views[found.view.camera];
+        if (m == 0) view.alike.push_back(found.view.region);
+        if (m > 0 && balls.size() == 1) taught.moments.back().views.push_back(found.view);
+        view.elsewhere.push_back(std::move(found.pixels));
+      }
+    }
+  }
+  for (std::size_t c = 0; c < taught.views.size(); ++c) {
+    TaughtView& view = taught.views[c];
+    if (!request.accepts_suggestions || view.pointed || !view.problem.empty() || !images_[c] || view.elsewhere.empty())
+      continue;
+    view.object = PixelMask(images_[c]->width, images_[c]->height);
+    view.pointed = true;
   }
   return fitted(std::move(taught), request);
 }
@@ -396,7 +337,8 @@ Taught ColorTeacher::fitted(Taught taught, const TeachRequestOptions& request) c
     if (!view.pointed) continue;
     view.color = fit_range(all_seen_of(view, *images_[c]), *images_[c], background_of(view, ignored_in(request, c)),
                            request.wider);
-    view.object_share = share_of(*images_[c], view.object, view.color);
+    view.object_share =
+        view.region ? share_of(*images_[c], view.object, view.color) : share_of(view.elsewhere, view.color);
   }
   const auto first = std::ranges::find_if(taught.views, &TaughtView::pointed);
   for (TaughtView& view : taught.views)

@@ -12,6 +12,7 @@
 #include "calib/model/camera_rig.h"
 #include "capture/frames/frame.h"
 #include "color_teaching/ball_size.h"
+#include "color_teaching/found_again.h"
 #include "color_teaching/hsi_image.h"
 #include "object_tracking/tracker_options.h"
 
@@ -32,7 +33,7 @@ struct TeachRequestOptions {
 };
 
 struct TaughtView {
-  bool pointed = false;              // the user pointed into this view, and there is a region
+  bool pointed = false;              // what this view shows was learnt: by a point, or by an accepted suggestion
   std::string problem;               // why nothing could be learnt from the point, and what to do
   std::optional<MaskRegion> region;  // the object's; without a point the suggested one
   color::HsiRange color;             // without a point that of the first view with one
@@ -57,7 +58,13 @@ struct TaughtView {
 inline constexpr double least_object_share = 0.5;
 
 struct Taught {
-  std::vector<TaughtView> views;                                                 // per camera of the rig
+  std::vector<TaughtView> views;  // per camera of the rig
+  // Other moments at which it alone was found (ColorTeacher::held_elsewhere).
+  struct Moment {
+    std::size_t index = 0;
+    std::vector<ColoredRegion> views;
+  };
+  std::vector<Moment> moments;
   bool any() const { return std::ranges::any_of(views, &TaughtView::pointed); }  // something was learnt
 };
 
@@ -88,32 +95,26 @@ class ColorTeacher {
   Taught teach(const TeachRequestOptions& request, const object_tracking::Volume& volume) const;
 
   // `taught` with ranges that hold the object in other light, too: at other moments at which two views or more show it,
-  // in its size. several: the target has several objects; the others are learnt from as well.
+  // in its size. With accepted suggestions also of views that show it only then. several: the target has several
+  // objects; the others are learnt from as well.
   Taught held_elsewhere(Taught taught, const TeachRequestOptions& request, const object_tracking::Volume& volume,
                         bool several) const;
 
   // `taught` with the ranges of another width (request.wider), from the same pixels.
   Taught fitted(Taught taught, const TeachRequestOptions& request) const;
 
-  // The object's size, from the points, the suggestions, and all moments with exactly one ball of about that size and
-  // colour.
-  RadiusProposal radius(const Taught& taught, const object_tracking::IgnoredRegions& ignored,
-                        const object_tracking::Volume& volume) const;
+  // The object's size, from the points, the suggestions, and the other moments at which it was found.
+  RadiusProposal radius(const Taught& taught) const;
 
   // Names of other targets whose ranges hold half of the object or more in some view: the trackers would confuse them.
   std::vector<std::string> namesakes(const Taught& taught, const std::vector<object_tracking::TargetOptions>& targets,
                                      const std::string& own_name) const;
 
  private:
-  struct SeenElsewhere {  // the object, or another one like it
-    std::size_t moment;
-    ColoredRegion view;
-    std::vector<color::Hsi> pixels;
-  };
   std::vector<ColoredRegion> ball_of(const Taught& taught) const;  // at the first moment
   PixelMask background_of(const TaughtView& view, const std::vector<color::PixelBox>& ignored) const;
-  std::vector<SeenElsewhere> seen_elsewhere(const Taught& taught, const TeachRequestOptions& request,
-                                            const object_tracking::Volume& volume, bool several) const;
+  std::optional<FoundAgain> search_of(const Taught& taught, const TeachRequestOptions& request,
+                                      const object_tracking::Volume& volume) const;
   void judge_all(Taught& taught, const TeachRequestOptions& request) const;
   const std::vector<color::PixelBox>& ignored_in(const TeachRequestOptions& request, std::size_t camera) const;
   void judge(TaughtView& view, std::size_t camera, const std::string& color_of, int wider,

@@ -100,7 +100,7 @@ Lesson learn(const ColorTeacher& teacher, const TeachRequestOptions& requested,
     }
   }
   lesson.unconfirmed = unconfirmed(lesson.taught, teacher.rig());
-  if (lesson.taught.any()) lesson.radius = teacher.radius(lesson.taught, request.ignored, volume);
+  if (lesson.taught.any()) lesson.radius = teacher.radius(lesson.taught);
   judge(lesson, teacher, request, targets);
   return lesson;
 }

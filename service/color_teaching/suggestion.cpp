@@ -11,36 +11,21 @@
 
 #include "calib/model/median.h"
 #include "color/image_color.h"
-#include "color_teaching/disc_contrast.h"
+#include "color_teaching/color_fit.h"
+#include "color_teaching/disc_candidate.h"
 
 namespace huetrack::color_teaching {
 namespace {
 
-// A half hidden or smeared ball still fills so much of its disc; with more of its colour around it than this it is a
-// part of something larger.
-constexpr double least_fill = 0.6, most_around = 0.4;
-// Usual residuals (1 sigma) of the true candidate: offset, of the slack of ray and moment; size, as a natural
-// logarithm.
-constexpr double usual_aside = 0.5, usual_size = 0.25;
 // A cheap test before that: share of the square inside of the disc (half side 0.7 radii) that may have the colour.
 // Steps of less than some pixels would find the same again.
 constexpr double inner_square = 0.7, least_inner_share = 0.4, least_step_px = 3;
-// What grew from the click may be a lit part of the object, which is larger by up to so much. Sizes are tried in steps
-// of a natural logarithm.
-constexpr double most_larger = 4, size_step = 0.2;
-// Costs are squared normalised residuals: the most that a suggestion may cost, and the least lead over the next best.
-constexpr double largest_cost = 12, clear_lead = 4;
-// Cost of a view in which the object is hidden. The most that a candidate may cost leads over that.
-constexpr double hidden_cost = largest_cost + clear_lead;
-// Share of a region's pixels that moved, above which it moves, and below which it rests; between them it is unknown.
-// It is no proof: before what has its colour a moving object changes little.
-constexpr double moving_share = 0.6, still_share = 0.25, other_motion = 6;
+// What grew from the click may be a lit part of the object, which is larger by up to so much.
+constexpr double most_larger = 4;
+// Share of a region's pixels that moved, above which it moves; between still_share and that it is unknown. It is no
+// proof: before what has its colour a moving object changes little.
+constexpr double moving_share = 0.6;
 constexpr double least_radius_px = 1.5;
-constexpr double around_volume_m = 0.1;
-
-double squared(double x) {
-  return x * x;
-}
 
 // Sums over rectangles in four look-ups.
 class Sums {
@@ -73,15 +58,6 @@ PixelMask like(const TintImage& image, const Tint& tint) {
   for (std::size_t i = 0; i < image.pixels.size(); ++i)
     mask.pixels[i] = distance(image.pixels[i], tint) <= most_distance ? 1 : 0;
   return mask;
-}
-
-double radius_px_of(const calib::Camera& camera, const Eigen::Vector3d& position, double radius_m) {
-  return radius_m * camera.model.fx() / (camera.cam_from_world * position).norm();
-}
-
-// The click and the calibration have errors of some pixels, and frames of nearly one moment of a radius.
-double slack_px_of(const calib::Camera& camera, const Eigen::Vector3d& position, double radius_px, double moved_m) {
-  return std::max(6.0, radius_px) + radius_px_of(camera, position, moved_m);
 }
 
 // A place on the click's ray.
@@ -120,67 +96,11 @@ std::vector<Place> along_ray(const std::vector<PointedObject>& pointed, const st
   return out;
 }
 
-// Something round of the object's colour in a picture, wherever it is along the ray.
-struct Candidate {
-  TintDisc disc;
-  DiscContrast contrast;
-  double cost = 0;  // without that of its place and size
-};
-
-// The object's colour, how much that differs within it, and whether it moves.
-struct Look {
-  Tint tint;
-  double spread;
-  std::optional<bool> is_moving;
-};
-
-// Of its pixels.
-Look look_of(const HsiImage& image, const PixelMask& object) {
-  std::vector<double> x, y, apart;
-  for (std::size_t i = 0; i < object.pixels.size(); ++i) {
-    if (object.pixels[i] == 0) continue;
-    const Eigen::Vector2d c = chroma(image.pixels[i]);
-    x.push_back(c.x()), y.push_back(c.y());
-  }
-  Look look{.tint = tint_of({calib::median(x), calib::median(y)}), .spread = 0, .is_moving = {}};
-  for (std::size_t i = 0; i < x.size(); ++i) apart.push_back(distance(tint_of({x[i], y[i]}), look.tint));
-  look.spread = calib::median(std::move(apart));
-  return look;
-}
-
 struct Searched {
   explicit Searched(const TaughtPicture& of) : picture(of), tints(*of.image) {}
   const TaughtPicture& picture;
   TintImage tints;
 };
-
-double share_inside(const PixelMask& mask, const TintDisc& disc) {
-  int in = 0, set = 0;
-  visit_disc(mask.width, mask.height, disc, [&](int u, int v, double) { ++in, set += mask.at(u, v); });
-  return in > 0 ? double(set) / in : 0;
-}
-
-// Where the disc's colour lies best, from there: mean shift. nullopt: not like the object.
-std::optional<Candidate> settled(const Searched& in, TintDisc disc, const Look& look) {
-  std::optional<DiscContrast> contrast;
-  for (int step = 0; step < 4; ++step) {
-    contrast = contrast_of(in.tints, disc, look.spread);
-    if (!contrast) return std::nullopt;
-    const MaskRegion region = region_of(in.tints, disc, *contrast);
-    if (region.area == 0) return std::nullopt;
-    const double moved = (region.centre - disc.centre).norm();
-    if (moved < 0.3) break;
-    disc.centre = region.centre;
-  }
-  const double off = distance(look.tint, contrast->tint);
-  if (contrast->inside < least_fill || contrast->around > most_around || off > most_distance) return std::nullopt;
-  Candidate out{.disc = disc, .contrast = *contrast, .cost = contrast->cost + squared(off)};
-  if (look.is_moving && in.picture.moving != nullptr) {
-    const double moved = share_inside(*in.picture.moving, disc);
-    if (*look.is_moving && moved < still_share) out.cost += other_motion;
-  }
-  return out;
-}
 
 // What the click shows, in one size or another: the discs that hold the region's middle.
 std::vector<Candidate> discs_of(const PointedObject& object, const Look& look) {
@@ -188,7 +108,7 @@ std::vector<Candidate> discs_of(const PointedObject& object, const Look& look) {
   const double part_px = object.region.radius_px();
   std::vector<Candidate> out;
   for (double radius = part_px; radius < most_larger * part_px; radius *= std::exp(size_step))
-    if (auto disc = settled(in, {object.region.centre, radius}, look);
+    if (auto disc = settled(in.tints, in.picture.moving, {object.region.centre, radius}, look);
         disc && (disc->disc.centre - object.region.centre).norm() < radius)
       out.push_back(std::move(*disc));
   if (out.empty()) out.push_back({.disc = {object.region.centre, part_px}, .contrast = {}});
@@ -219,7 +139,8 @@ std::vector<Candidate> candidates_in(const Searched& in, const std::vector<Place
           if ((start - at->px).norm() > slack || !seen.insert({size, i, j}).second) continue;
           const auto [count, set] = alike.square(start.x(), start.y(), inner_square * radius);
           if (count == 0 || set < least_inner_share * count) continue;
-          if (auto candidate = settled(in, {start, radius}, look)) found.push_back(std::move(*candidate));
+          if (auto candidate = settled(in.tints, in.picture.moving, {start, radius}, look))
+            found.push_back(std::move(*candidate));
         }
     }
   }
@@ -242,25 +163,6 @@ struct Totals {
   double of_none = std::numeric_limits<double>::max();
 };
 
-// The costs of a view's candidates if the object is there, each below hidden_cost.
-std::vector<std::pair<std::size_t, double>> costs_at(const TaughtPicture& picture,
-                                                     const std::vector<Candidate>& candidates,
-                                                     const Eigen::Vector3d& position, double radius_m, double moved_m) {
-  std::vector<std::pair<std::size_t, double>> out;
-  const auto at = picture.camera->project_world(position);
-  if (!at || !picture.camera->contains({at->px})) return out;
-  const double expected_px = radius_px_of(*picture.camera, position, radius_m);
-  const double slack = slack_px_of(*picture.camera, position, expected_px, moved_m);
-  for (std::size_t i = 0; i < candidates.size(); ++i) {
-    const double aside = (candidates[i].disc.centre - at->px).norm() / slack;
-    if (aside > 1) continue;
-    const double cost = candidates[i].cost + squared(aside / usual_aside) +
-                        squared(std::log(candidates[i].disc.radius / expected_px) / usual_size);
-    if (cost < hidden_cost) out.emplace_back(i, cost);
-  }
-  return out;
-}
-
 // One place, one size and one colour: all views together, for each place on the ray and each size.
 std::vector<Totals> joint_totals(const std::vector<TaughtPicture>& others,
                                  const std::vector<std::vector<Candidate>>& candidates,
@@ -277,10 +179,9 @@ std::vector<Totals> joint_totals(const std::vector<TaughtPicture>& others,
       std::vector<std::vector<std::pair<std::size_t, double>>> costs;
       std::vector<double> least;
       double sum = as.cost;
-      if (expected.radius_m)
-        sum += std::min(hidden_cost, squared(std::log(radius_m / *expected.radius_m) / usual_size));
+      if (expected.radius_m) sum += std::min(hidden_cost, cost_of_size(radius_m / *expected.radius_m));
       for (std::size_t j = 0; j < others.size(); ++j) {
-        costs.push_back(costs_at(others[j], candidates[j], on_ray.position, radius_m, expected.moved_m));
+        costs.push_back(costs_at(*others[j].camera, candidates[j], on_ray.position, radius_m, expected.moved_m));
         double best = hidden_cost;
         for (const auto& [i, cost] : costs[j]) best = std::min(best, cost);
         least.push_back(best);
@@ -303,7 +204,7 @@ std::vector<Totals> joint_totals(const std::vector<TaughtPicture>& others,
 }  // namespace
 
 PixelMask alike_pixels(const HsiImage& image, const PixelMask& object) {
-  return like(TintImage(image), look_of(image, object).tint);
+  return like(TintImage(image), look_of(pixels_of(image, object)).tint);
 }
 
 std::vector<std::optional<Suggestion>> suggested_regions(const std::vector<PointedObject>& pointed,
@@ -312,7 +213,7 @@ std::vector<std::optional<Suggestion>> suggested_regions(const std::vector<Point
   std::vector<std::optional<Suggestion>> out(others.size());
   if (pointed.empty()) return out;
   const PointedObject& first = pointed.front();
-  Look look = look_of(*first.picture.image, first.pixels);
+  Look look = look_of(pixels_of(*first.picture.image, first.pixels));
   if (first.picture.moving != nullptr) {
     const double moved = share_inside(*first.picture.moving, {first.region.centre, first.region.radius_px()});
     if (moved > moving_share) look.is_moving = true;

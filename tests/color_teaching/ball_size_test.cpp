@@ -33,28 +33,15 @@ ColoredRegion seen(const calib::CameraRig& rig, std::size_t camera, const Eigen:
   return out;
 }
 
-TEST(BallSize, OneBallIsFoundAmongOtherThings) {
+TEST(BallSize, RegionsGiveARadiusWhereTheirRaysMeet) {
   const calib::CameraRig rig = ring();
-  const Eigen::Vector3d at(0.2, -0.1, 1.1), elsewhere(-0.5, 0.4, 0.7);
-  std::vector<ColoredRegion> candidates;
-  for (std::size_t c = 0; c < 3; ++c) candidates.push_back(seen(rig, c, at, 0.05));
-  EXPECT_EQ(one_ball_of(rig, candidates, the_room, 0.05).size(), 3u);
-  EXPECT_NEAR(*radius_of_regions(rig, candidates), 0.05, 0.002);
-  // Things of another size, or outside, or in one view alone, are not it.
-  candidates.push_back(seen(rig, 0, elsewhere, 0.05));
-  for (std::size_t c = 0; c < 3; ++c) candidates.push_back(seen(rig, c, {-0.4, 0.3, 1.3}, 0.12));
-  for (std::size_t c = 0; c < 3; ++c) candidates.push_back(seen(rig, c, {0.1, 0.1, -0.5}, 0.05));
-  const auto found = one_ball_of(rig, candidates, the_room, 0.05);
-  ASSERT_EQ(found.size(), 3u);
-  for (const ColoredRegion& view : found)
-    EXPECT_LT((view.region.centre - rig.cameras[view.camera].project_world(at)->px).norm(), 1);
-  // Nor are two views that a larger ball and a smaller one make.
-  const std::vector<ColoredRegion> unlike{seen(rig, 0, at, 0.04), seen(rig, 1, at, 0.06)};
-  EXPECT_THAT(one_ball_of(rig, unlike, the_room, 0.05), IsEmpty());
-  // Two such balls are ambiguous.
-  for (std::size_t c = 1; c < 3; ++c) candidates.push_back(seen(rig, c, elsewhere, 0.05));
-  EXPECT_THAT(one_ball_of(rig, candidates, the_room, 0.05), IsEmpty());
-  EXPECT_THAT(one_ball_of(rig, {}, the_room, 0.05), IsEmpty());
+  const Eigen::Vector3d at(0.2, -0.1, 1.1);
+  std::vector<ColoredRegion> views;
+  for (std::size_t c = 0; c < 3; ++c) views.push_back(seen(rig, c, at, 0.05));
+  EXPECT_NEAR(*radius_of_regions(rig, views), 0.05, 0.002);
+  EXPECT_LT((*meeting_point(rig, views) - at).norm(), 0.002);
+  views[1] = seen(rig, 1, {-0.5, 0.4, 0.7}, 0.05);
+  EXPECT_FALSE(meeting_point(rig, views));
 }
 
 TEST(BallSize, DistinguishesRoundFromSquareAndLong) {
@@ -128,10 +115,10 @@ TEST(BallSize, ManyMomentsMeasureWell) {
     ColorTeacher teacher(scene.rig, sets[0]);
     for (std::size_t i = 2; i < sets.size(); i += 2) teacher.add_moment(sets[i]);
     const Eigen::Vector3d at = scene.ball_at(0, sets[0].at);
-    const Taught taught = teacher.teach(
-        {.points = {{0, scene.rig.cameras[0].project_world(at)->px}, {1, scene.rig.cameras[1].project_world(at)->px}}},
-        the_room);
-    const RadiusProposal proposal = teacher.radius(taught, {}, the_room);
+    const TeachRequestOptions request{
+        .points = {{0, scene.rig.cameras[0].project_world(at)->px}, {1, scene.rig.cameras[1].project_world(at)->px}}};
+    const Taught taught = teacher.held_elsewhere(teacher.teach(request, the_room), request, the_room, false);
+    const RadiusProposal proposal = teacher.radius(taught);
     ASSERT_TRUE(proposal.radius_m) << proposal.why_not;
     std::printf("%.0f mm: %.2f mm, sigma %.2f, by %zu moments of %zu cameras\n", 1e3 * radius_m,
                 1e3 * *proposal.radius_m, 1e3 * proposal.sigma_m, proposal.moments, proposal.cameras);

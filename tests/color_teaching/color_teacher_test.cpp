@@ -36,11 +36,11 @@ TEST(ColorTeacher, LimeInTwoViewsFromTheirFirstFrames) {
   const Eigen::Vector2d truth = at_truth(s, "lime", 0, {1})[0].px;
   EXPECT_LT((one.views[1].region->centre - truth).norm(), 3);
 
-  const Taught both =
-      teacher.teach({.points = {at_truth(s, "lime", 0, {0})[0], {1, one.views[1].region->centre}}}, options.volume);
+  const TeachRequestOptions request{.points = {at_truth(s, "lime", 0, {0})[0], {1, one.views[1].region->centre}}};
+  const Taught both = teacher.teach(request, options.volume);
   // How large it is, by this moment alone, and by others, too.
   for (const Taught& taught : {one, both}) {
-    const RadiusProposal radius = teacher.radius(taught, {}, options.volume);
+    const RadiusProposal radius = teacher.radius(taught);
     ASSERT_TRUE(radius.radius_m) << radius.why_not;
     EXPECT_NEAR(*radius.radius_m, 0.04, 2.5 * radius.sigma_m);
     EXPECT_LT(radius.sigma_m, 0.008);
@@ -48,7 +48,7 @@ TEST(ColorTeacher, LimeInTwoViewsFromTheirFirstFrames) {
     EXPECT_EQ(radius.cameras, 2u);
   }
   for (std::size_t i = 10; i < s.sets.size(); i += 10) teacher.add_moment(s.sets[i]);
-  const RadiusProposal voted = teacher.radius(both, {}, options.volume);
+  const RadiusProposal voted = teacher.radius(teacher.held_elsewhere(both, request, options.volume, false));
   ASSERT_TRUE(voted.radius_m) << voted.why_not;
   std::printf("radius %.2f mm, sigma %.2f, by %zu moments\n", *voted.radius_m * 1e3, voted.sigma_m * 1e3,
               voted.moments);
@@ -113,7 +113,7 @@ TEST(ColorTeacher, TheRedSquareFromTheFirstPair) {
                 view.color.hue_max_deg, view.color.saturation_min, view.color.saturation_max, view.color.intensity_min,
                 view.color.intensity_max);
   // By one moment a square that is seen aslant may be a ball: its radius, if there is one, is rough.
-  const RadiusProposal radius = teacher.radius(both, {}, options.volume);
+  const RadiusProposal radius = teacher.radius(both);
   if (radius.radius_m) {
     EXPECT_GT(radius.sigma_m, 0.08 * *radius.radius_m);
   }
@@ -187,7 +187,7 @@ TEST(ColorTeacher, ReportsThatNothingCanBeLearnt) {
   // One view tells a colour, and no size.
   const Taught one = teacher.teach({.points = at_truth(s, "lime", 0, {0})}, {});
   ASSERT_TRUE(one.any());
-  const RadiusProposal radius = teacher.radius(one, {}, {});
+  const RadiusProposal radius = teacher.radius(one);
   EXPECT_FALSE(radius.radius_m);
   EXPECT_THAT(radius.why_not, HasSubstr("only one camera shows the object"));
 }
