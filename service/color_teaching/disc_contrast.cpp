@@ -18,7 +18,6 @@ constexpr double grey = 1e-3;
 constexpr double turn = 360 / usual_hue_deg;
 constexpr double usual_gap = 0.15;  // 1 sigma of the true disc's gaps, and of its colour around it, as shares
 constexpr double middle = 0.6;      // of the radius: what gives the colour
-constexpr double reach = 1.25;      // of the radius: where the region is searched
 
 float hue_between(float a, float b) {
   return float(std::remainder(double(a - b), turn));
@@ -88,7 +87,7 @@ std::optional<DiscContrast> contrast_of(const TintImage& image, const TintDisc& 
 
 MaskRegion region_of(const TintImage& image, const TintDisc& disc, const DiscContrast& contrast, PixelMask* pixels) {
   MaskRegion region{.centre = {0, 0}, .box = {image.width, image.height, -1, -1}};
-  visit_disc(image.width, image.height, {disc.centre, reach * disc.radius}, [&](int u, int v, double) {
+  visit_disc(image.width, image.height, {disc.centre, region_reach * disc.radius}, [&](int u, int v, double) {
     if (distance(image.at(u, v), contrast.tint) >= contrast.tolerance) return;
     ++region.area;
     region.centre += Eigen::Vector2d(u, v);

@@ -54,6 +54,7 @@ struct DiscContrast {
 // have its colour. least: tolerance; what differs less is texture. nullopt: outside the picture.
 std::optional<DiscContrast> contrast_of(const TintImage& image, const TintDisc& disc, double least);
 
+inline constexpr double region_reach = 1.25;  // radii within which region_of() looks
 // The pixels in the disc, and somewhat around it, that have its colour.
 MaskRegion region_of(const TintImage& image, const TintDisc& disc, const DiscContrast& contrast,
                      PixelMask* pixels = nullptr);

@@ -2,16 +2,17 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <utility>
 
 namespace huetrack::color_teaching {
 namespace {
 
 constexpr std::size_t most_candidates = 8;  // of one picture: the likeliest
-constexpr int room_samples = 32;     // moments that the room's colours are the mean of
-constexpr double size_reach = 0.4;   // a found disc's size is open by so much, as a logarithm
-constexpr double picture_reach = 3;  // radii around a disc that are looked at
-constexpr double same_place = 2;     // of radii
+constexpr int room_samples = 32;            // moments that the room's colours are the mean of
+constexpr double size_reach = 0.4;          // a found disc's size is open by so much, as a logarithm
+constexpr double picture_reach = 3;         // radii around a disc that are looked at
+constexpr double same_place = 2;            // of radii
 
 // A part of a picture.
 struct Part {
@@ -30,6 +31,13 @@ Part part_around(const capture::Image& image, const TintDisc& disc) {
   return {Eigen::Vector2d(box.u_min, box.v_min), std::move(pixels), std::move(tints)};
 }
 
+// Of the object itself: of its surroundings a share has its colour, too, and of itself not all.
+int area_of(int alike, const Candidate& of) {
+  const double searched = std::numbers::pi * std::pow(region_reach * of.disc.radius, 2);
+  const double clear = of.contrast.inside - of.contrast.around;
+  return std::max(1, int(std::lround((alike - of.contrast.around * searched) / clear)));
+}
+
 }  // namespace
 
 struct FoundAgain::Picture {
@@ -37,7 +45,7 @@ struct FoundAgain::Picture {
   std::vector<Candidate> candidates = {};  // in the picture
   std::vector<FoundView> views = {};       // of each
 
-  // The likeliest disc there of a size up to so much other. false: none, or not round.
+  // The likeliest disc there of a size up to so much other. false: none, or not round, or not whole.
   bool add(const capture::Image& image, const TintDisc& disc, double log_reach, const Look& look) {
     const Part part = part_around(image, disc);
     std::optional<Candidate> best;
@@ -52,9 +60,13 @@ struct FoundAgain::Picture {
       if (mask.pixels[i] != 0) found.pixels.push_back(part.image.pixels[i]);
     MaskRegion& region = found.view.region;
     if (region.area == 0 || !has_disc_shape(region)) return false;
+    region.area = area_of(region.area, *best);
     region.centre += part.corner, best->disc.centre += part.corner;
     const int du = int(part.corner.x()), dv = int(part.corner.y());
     region.box = {region.box.u_min + du, region.box.v_min + dv, region.box.u_max + du, region.box.v_max + dv};
+    const Eigen::Vector2d least = best->disc.centre.array() - best->disc.radius;
+    const Eigen::Vector2d most = best->disc.centre.array() + best->disc.radius;
+    if (least.minCoeff() < 0 || most.x() > image.width - 1 || most.y() > image.height - 1) return false;
     candidates.push_back(std::move(*best));
     views.push_back(std::move(found));
     return true;
