@@ -92,7 +92,9 @@ bool TriedTeaching::passes(TriedLesson& tried, const std::stop_token& stop) cons
     tried = best_width(std::move(tried), stop);
   }
   const bool may_be_forced = tried.lesson.accepted.empty();
-  if (tried.holds() || (command_.force && may_be_forced)) {
+  // A wide range tracks also by a radius that the pictures contradict, at wrong distances.
+  const bool is_contradicted = !other.empty() && !may_be_forced;
+  if ((tried.holds() && !is_contradicted) || (command_.force && may_be_forced)) {
     fmt::print("{} the learnt colour, {}\n", tried.is_found() ? "With" : "Warning: with", words(tried));
     return true;
   }
