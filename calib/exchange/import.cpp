@@ -42,8 +42,9 @@ constexpr auto cam_from_world_words = words("cam_from_world", "T_cam_world", "T_
                                             "extrinsic", "extrinsics", "extrinsic_matrix", "pose");
 constexpr auto world_from_cam_words =
     words("world_from_cam", "T_world_cam", "T_wc", "Twc", "cam_to_world", "c2w", "T_BS");
-constexpr auto rotation_words = words("rotation", "Rot", "R", "rvec");  // p_cam = R p_world + t: a vector, or 3x3
-constexpr auto translation_words = words("translation", "T", "t", "tvec");
+// p_cam = R p_world + t: a vector, or 3x3
+constexpr auto rotation_words = words("rotation", "Rot", "R", "rvec", "rotation_matrix", "rotation_vector");
+constexpr auto translation_words = words("translation", "T", "t", "tvec", "translation_vector");
 
 enum class Layout {
   one,       // one camera per file: its keys are at the root
@@ -349,11 +350,15 @@ calib::Rigid3d matrix_pose(const Section& section, string_view key) {
 
 // Of a pose matrix with one of our names for it.
 std::optional<calib::Rigid3d> named_matrix_pose(const Section& section) {
+  const auto is_matrix = [&](string_view key) {  // OpenCV's is a mapping with `data`
+    const auto map = section.map(key);
+    return !map || map->has("data");
+  };
   if (const auto key = section.first_of(world_from_cam_words)) return calib::inverse(matrix_pose(section, *key));
-  if (const auto key = section.first_of(cam_from_world_words); key && !section.map(*key))
+  if (const auto key = section.first_of(cam_from_world_words); key && is_matrix(*key))
     return matrix_pose(section, *key);
   // T is the translation of others.
-  if (section.has("T") && !section.map("T") && section.numbers("T").size() >= 12) return matrix_pose(section, "T");
+  if (section.has("T") && is_matrix("T") && section.numbers("T").size() >= 12) return matrix_pose(section, "T");
   return std::nullopt;
 }
 
@@ -412,14 +417,17 @@ void check_camera_info(const Section& info, const calib::CameraModel& model, std
   for (const string_view key : {"r", "R", "header", "projection_matrix"}) info.ignore(key);
 }
 
-void rename_keys(yaml::Value& value, const std::vector<std::pair<std::string, std::string>>& names) {
+// renamed: of theirs, those that were there.
+void rename_keys(yaml::Value& value, const std::vector<std::pair<std::string, std::string>>& names,
+                 std::set<std::string>& renamed) {
   for (std::string& key : value.keys)
     for (const auto& [theirs, ours] : names)
       if (key == theirs) {
+        renamed.insert(theirs);
         key = ours;
         break;
       }
-  for (yaml::Value& item : value.items) rename_keys(item, names);
+  for (yaml::Value& item : value.items) rename_keys(item, names, renamed);
 }
 
 class Importer {
@@ -429,8 +437,12 @@ class Importer {
   Imported read(std::span<const std::filesystem::path> files) {
     std::vector<std::vector<yaml::Value>> documents;
     for (const auto& file : files) documents.push_back(documents_of(file));
+    std::set<std::string> renamed;
     for (auto& of_file : documents)
-      for (yaml::Value& document : of_file) rename_keys(document, options_.keys);
+      for (yaml::Value& document : of_file) rename_keys(document, options_.keys, renamed);
+    for (const auto& [theirs, ours] : options_.keys)
+      if (!renamed.contains(theirs))
+        throw files::ConfigError(files.front(), 0, "has no key " + theirs + ", which was given for " + ours);
     std::vector<Section> roots;
     for (std::size_t f = 0; f < files.size(); ++f) roots.emplace_back(documents[f].front(), files[f]);
     for (std::size_t f = 0; f < files.size(); ++f) require_same(documents[f], roots[f]);
@@ -550,6 +562,9 @@ class Importer {
       const Section& root = found.cameras[c].second;
       auto pose = pose_of(root, words("cam_from_world_rotation"), words("cam_from_world_translation"));
       if (!pose) pose = named_matrix_pose(root);
+      // R alone is ROS' rectification.
+      if (!pose && root.first_of(rotation_words) && root.first_of(translation_words))
+        pose = pose_of(root, rotation_words, translation_words);
       add(names_[c], root, {}, pose);
       if (!out_.rig.cameras.empty() && out_.rig.cameras.back().name == names_[c])
         check_camera_info(root, out_.rig.cameras.back().model, out_.notes);
