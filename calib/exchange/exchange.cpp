@@ -50,9 +50,10 @@ void check_placement(const std::vector<calib::Camera>& cameras, bool is_inverted
         "the poses inverted (world_from_cam; --inverted-poses), they are up to {:.3f} m apart and look at a place "
         "{:.2f} m away",
         other->widest, other->distance);
-    out.is_doubtful = !as_it_is.is_in_all_pictures;
-    note += out.is_doubtful ? ". They do not look at one place; with " + what + ": the file is probably of that kind"
-                            : "; with " + what;
+    out.is_doubtful = calib::are_probably_inverted(cameras, *other);
+    if (!as_it_is.is_in_all_pictures) note += ". They do not look at one place";
+    note += "; with " + what;
+    if (out.is_doubtful) note += ": the file is probably of that kind";
   }
   out.notes.push_back(std::move(note));
 }

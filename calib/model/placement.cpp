@@ -66,4 +66,9 @@ std::optional<Middle> better_inverted(std::span<const Camera> cameras) {
   return other;
 }
 
+bool are_probably_inverted(std::span<const Camera> cameras, const Middle& inverted) {
+  const Middle as_it_is = middle_of(cameras);
+  return !as_it_is.is_in_all_pictures || inverted.widest > 2 * as_it_is.widest;
+}
+
 }  // namespace huetrack::calib

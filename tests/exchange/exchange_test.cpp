@@ -722,10 +722,11 @@ TEST_F(Exchange, MatricesOfPosesByTheirNames) {
   expect_three(import_text("c.json", three_cameras("T", false)));
 }
 
+// 0.15 m apart, though they would look at one place.
 TEST_F(Exchange, InvertedPosesAreShownBesideTheOthers) {
   const std::string wrong = three_cameras("extrinsics", true);
   const Imported either = import_text("a.json", wrong);
-  EXPECT_FALSE(either.is_doubtful);
+  EXPECT_TRUE(either.is_doubtful);
   EXPECT_THAT(either.notes,
               Contains(AllOf(HasSubstr("up to 0.150 m apart"),
                              HasSubstr("--inverted-poses), they are up to 4.304 m apart"), HasSubstr("a place 3.1"))));
@@ -733,6 +734,14 @@ TEST_F(Exchange, InvertedPosesAreShownBesideTheOthers) {
   EXPECT_FALSE(in.is_doubtful);
   expect_three(in);
   EXPECT_THAT(in.notes, testing::Not(Contains(HasSubstr("--inverted-poses"))));
+}
+
+// A right rig whose world is a camera's frame may look further apart if it is inverted, but not by much.
+TEST_F(Exchange, ARigInACamerasFrameIsNotDoubtful) {
+  Imported in = import_text("a.json", three_cameras("extrinsics", false, {0.6, -0.5, 0.3}, 2.1));
+  const calib::Rigid3d world_from_first = calib::inverse(in.rig.cameras[0].cam_from_world);
+  for (calib::Camera& camera : in.rig.cameras) camera.cam_from_world = camera.cam_from_world * world_from_first;
+  EXPECT_FALSE(and_back(in.rig, {.format = ExchangeFormat::opencv}).is_doubtful);
 }
 
 TEST_F(Exchange, PosesThatOnlyInvertedLookAtOnePlaceAreDoubtful) {
@@ -766,6 +775,8 @@ TEST_F(Exchange, KeysOfOnesOwn) {
   const Imported in = import_text("b.json", text, {.keys = {{"lens_matrix", "K"}, {"where", "cam_from_world"}}});
   expect_three(in);
   EXPECT_EQ(in.rig.cameras[0].model.fx(), 500);
+  EXPECT_THAT(error_of("c.json", text, {.keys = {{"lens_matrix", "K"}, {"pose", "cam_from_world"}}}),
+              HasSubstr("has no key pose, which was given for cam_from_world"));
 }
 
 TEST_F(Exchange, TheDistortionModelMayBeGiven) {
