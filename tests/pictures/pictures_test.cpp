@@ -7,6 +7,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "pictures/camera_pictures.h"
+#include "pictures/canvas_image.h"
 
 namespace huetrack::pictures {
 namespace {
@@ -25,6 +26,24 @@ int count_near(const cv::Mat& picture, cv::Vec3b color, int tolerance = 30) {
     }
   }
   return count;
+}
+
+TEST(WritePng, NamesTheReason) {
+  const cv::Mat picture(48, 64, CV_8UC3, cv::Scalar(10, 20, 30));
+  const auto error_of = [&](const fs::path& file) {
+    try {
+      write_png(file, picture);
+    } catch (const std::runtime_error& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  EXPECT_EQ(error_of("/dev/full"), "cannot write /dev/full: No space left on device");
+  EXPECT_EQ(error_of("/nowhere/a.png"), "cannot write /nowhere/a.png: No such file or directory");
+  const fs::path file = fs::path(testing::TempDir()) / "write_png.png";
+  EXPECT_EQ(error_of(file), "");
+  EXPECT_EQ(cv::norm(cv::imread(file.string()), picture), 0);
+  fs::remove(file);
 }
 
 TEST(BgrOf, FollowsBt601InBothRanges) {
