@@ -358,12 +358,14 @@ ReplaySummary summary_of(const config::ServiceConfig& config, const ReplayComman
     TargetSummary& target = summary.targets[t];
     if (do_views_contradict) target.outlines.radius_m.reset();
     if (config::is_taught(config.targets[t])) target.color = color::hue_text(config.targets[t].color);
-    if (target.lost_share() > reports::most_lost_share && config::is_taught(config.targets[t]) &&
-        target.first_tracking_set) {
-      target.advice = reports::lost_advice(target.lost_share(), figures.searches_of_run[t], config.targets[t], cameras,
-                                           do_views_contradict);
+    const objects::SearchFindings& of_run = figures.searches_of_run[t];
+    const bool is_mostly_lost = target.lost_share() > reports::most_lost_share;
+    const bool is_outside = !do_views_contradict && reports::is_seen_outside(of_run, config.targets[t]);
+    if ((is_mostly_lost || is_outside) && config::is_taught(config.targets[t]) && target.first_tracking_set) {
+      target.advice =
+          reports::lost_advice(target.lost_share(), of_run, config.targets[t], cameras, do_views_contradict);
       target.is_seen_in_vain =
-          !do_views_contradict && reports::is_seen_in_vain(figures.searches_of_run[t], config.targets[t]);
+          is_mostly_lost && !do_views_contradict && reports::is_seen_in_vain(of_run, config.targets[t]);
       continue;
     }
     if (target.first_tracking_set) {

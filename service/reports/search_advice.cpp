@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
+
 #include "color/color_name.h"
 #include "reports/radius_advice.h"
 
@@ -12,6 +14,16 @@ std::string other_unit_text(const object_tracking::TargetOptions& target) {
 }
 
 namespace {
+
+// What its hue would be if red and blue were swapped where it was measured.
+std::string swapped_text(const object_tracking::TargetOptions& target) {
+  const color::HsiRange& range = target.color;
+  if (target.is_hue_taught || color::is_share_of_circle(range) || color::hue_width_deg(range) >= 360) return {};
+  color::HsiRange swapped = range;  // mirrored at green, 120 degrees
+  swapped.hue_min_deg = std::fmod(600 - range.hue_max_deg, 360);
+  swapped.hue_max_deg = std::fmod(600 - range.hue_min_deg, 360);
+  return "; if red and blue were swapped where it was measured (BGR for RGB): " + color::hue_text(swapped);
+}
 
 std::string size_advice(const std::optional<double>& radius_m, const object_tracking::TargetOptions& target) {
   if (!radius_m || objects::are_radii_alike(*radius_m, target.radius_m)) return {};
@@ -71,9 +83,12 @@ std::string advice(const objects::SearchFindings& findings, const object_trackin
   // Seen in its colour and size: neither is in question.
   if (std::string of_volume = outside_advice(findings, target); !of_volume.empty() && !do_views_contradict)
     return of_volume;
+  bool is_unseen = true;
+  for (std::size_t c = 0; c < findings.sets_with_color.size(); ++c) is_unseen &= !findings.shows_color(c);
   const std::string opencv = is_found_at_times ? "" : other_unit_text(target);  // its hue is right
   return what_to_try(findings, target, cameras, do_views_contradict, is_found_at_times) + "; " +
-         color::hue_text(target.color) + (opencv.empty() ? "" : "; ") + opencv;
+         color::hue_text(target.color) + (opencv.empty() ? "" : "; ") + opencv +
+         (is_unseen && !is_found_at_times ? swapped_text(target) : "");
 }
 
 }  // namespace
@@ -83,8 +98,12 @@ std::string search_advice(const objects::SearchFindings& findings, const object_
   return advice(findings, target, cameras, do_views_contradict, false);
 }
 
+bool is_seen_outside(const objects::SearchFindings& of_run, const object_tracking::TargetOptions& target) {
+  return !outside_advice(of_run, target).empty();
+}
+
 bool is_seen_in_vain(const objects::SearchFindings& of_run, const object_tracking::TargetOptions& target) {
-  return !outside_advice(of_run, target).empty() || !size_advice(of_run.radius_m, target).empty();
+  return is_seen_outside(of_run, target) || !size_advice(of_run.radius_m, target).empty();
 }
 
 std::string lost_advice(double lost_share, const objects::SearchFindings& of_run,

@@ -21,6 +21,8 @@ inline constexpr double most_lost_share = 0.3;
 // Where it has none, two views agree on a ball of its colour: outside of the volume, or of another size. If not, it may
 // be hidden, and nothing is wrong.
 bool is_seen_in_vain(const objects::SearchFindings& of_run, const object_tracking::TargetOptions& target);
+// The same, where it is outside of the volume for most of the time that it has none.
+bool is_seen_outside(const objects::SearchFindings& of_run, const object_tracking::TargetOptions& target);
 // Of a target that has none in this share of them. of_run: of all of them.
 std::string lost_advice(double lost_share, const objects::SearchFindings& of_run,
                         const object_tracking::TargetOptions& target, const std::vector<std::string>& cameras,

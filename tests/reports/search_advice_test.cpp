@@ -57,6 +57,19 @@ TEST(SearchAdvice, NamesCamerasThatDoNotShowTheColor) {
               HasSubstr("its colour is seen by a but hardly ever by b: set camera_colors"));
 }
 
+// h becomes 240 - h: orange in the place of blue.
+TEST(SearchAdvice, NamesTheHueWithRedAndBlueSwappedWhereNoCameraShowsTheColor) {
+  object_tracking::TargetOptions blue = target_of(0.04);
+  blue.color.hue_min_deg = 195, blue.color.hue_max_deg = 230;
+  EXPECT_THAT(search_advice(findings_of({0, 0}), blue, {"a", "b"}, false),
+              HasSubstr("(BGR for RGB): hue_deg [10, 45] is red to yellow"));
+  blue.color.hue_min_deg = 230, blue.color.hue_max_deg = 250;
+  EXPECT_THAT(search_advice(findings_of({0, 0}), blue, {"a", "b"}, false), HasSubstr("hue_deg [350, 10] is red"));
+  EXPECT_THAT(search_advice(findings_of({100, 100}), blue, {"a", "b"}, false), testing::Not(HasSubstr("BGR")));
+  blue.is_hue_taught = true;
+  EXPECT_THAT(search_advice(findings_of({0, 0}), blue, {"a", "b"}, false), testing::Not(HasSubstr("BGR")));
+}
+
 TEST(SearchAdvice, NamesTheColorThatTheHueMeansAlsoInOpenCvUnits) {
   EXPECT_THAT(search_advice(findings_of({0, 9}), target_of(0.04), {"a", "b"}, false),
               AllOf(HasSubstr("hue_deg [10, 22] is"), HasSubstr("OpenCV"), HasSubstr("write [20, 44]")));
@@ -119,7 +132,9 @@ TEST(LostAdvice, OnlyABallThatTwoViewsSeeIsSeenInVain) {
                       .radius_m = 0.04};
   findings.sets_outside = findings.sets;
   EXPECT_TRUE(is_seen_in_vain(findings, target_of(0.04)));
+  EXPECT_TRUE(is_seen_outside(findings, target_of(0.04)));
   findings.sets_outside = findings.sets / 3;
+  EXPECT_FALSE(is_seen_outside(findings, target_of(0.04)));
   EXPECT_FALSE(is_seen_in_vain(findings, target_of(0.04)));
 }
 
