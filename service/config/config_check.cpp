@@ -352,14 +352,29 @@ std::string unit_mistake(const ServiceConfig& config) {
 
 std::string pose_mistake(const ServiceConfig& config) {
   const calib::CameraRig& rig = config.rig;
-  if (!config.is_calibrated() || rig.cameras.size() < 2 || calib::middle_of(rig.cameras).is_in_all_pictures) return {};
+  if (!config.is_calibrated() || rig.cameras.size() < 2) return {};
   const auto inverted = calib::better_inverted(rig.cameras);
-  if (!inverted) return {};
+  if (!inverted || !calib::are_probably_inverted(rig.cameras, *inverted)) return {};
+  const calib::Middle as_it_is = calib::middle_of(rig.cameras);
   return fmt::format(
-      "the rig's cameras do not look at one place; with inverted poses they are up to {:.2f} m apart and look at a "
-      "place {:.2f} m away: its poses are probably world_from_cam where cam_from_world is expected: invert them, or "
-      "import the rig with --inverted-poses",
+      "the rig's cameras {}; with inverted poses they are up to {:.2f} m apart and look at a place {:.2f} m away: its "
+      "poses are probably world_from_cam where cam_from_world is expected: invert them, or import the rig with "
+      "--inverted-poses",
+      as_it_is.is_in_all_pictures ? fmt::format("are up to {:.2f} m apart", as_it_is.widest)
+                                  : "do not look at one place",
       inverted->widest, inverted->distance);
+}
+
+std::string coverage_mistake(const ServiceConfig& config) {
+  if (!config.is_calibrated() || config.targets.empty() || config.rig.cameras.size() < 2) return {};
+  const auto coverage = volume_coverage(config.rig, config.object_tracking.volume);
+  if (std::lround(100 * coverage.by_two) > 0) return {};
+  const std::string poses = pose_mistake(config);
+  return "0 % of object_tracking.volume is seen by two or more cameras, so nothing can be located there: " +
+         (poses.empty() ? "is the volume where the cameras look, in the rig's world frame and in metres? Are the "
+                          "rig's poses inverted (huetrack-calibrate import --inverted-poses), or in another unit "
+                          "(--unit)?"
+                        : poses);
 }
 
 std::vector<std::string> warnings_of(const ServiceConfig& config) {
@@ -379,7 +394,9 @@ std::vector<std::string> warnings_of(const ServiceConfig& config) {
       warnings.push_back("camera " + camera.name + " of the rig is not among the live cameras, so run does not use it");
   }
   if (std::string warning = rig_warning(config.rig); !warning.empty()) warnings.push_back(std::move(warning));
-  if (std::string warning = pose_mistake(config); !warning.empty()) warnings.push_back(std::move(warning));
+  std::string seen = coverage_mistake(config);
+  if (seen.empty()) seen = pose_mistake(config);
+  if (!seen.empty()) warnings.push_back(std::move(seen));
   const RecordConfig& record = config.record;
   if (!record.folder.empty() && !record.always && !(record.pre_roll_s > 0) && !config.control.allow_record)
     warnings.push_back(
@@ -397,7 +414,7 @@ std::vector<std::string> warnings_of(const ServiceConfig& config) {
             ? "one camera: observation: paper leaves the distance open"
             : "one camera: a ball's distance follows from its size, to 20 % by its region, to 2 to 5 % once its "
               "outline is fitted, and is as wrong as its radius_m and the lens; targets of shape: blob are not found");
-  else if (coverage.by_two < 0.5)
+  else if (std::lround(100 * coverage.by_two) > 0 && coverage.by_two < 0.5)
     warnings.push_back(
         fmt::format("only {} % of the volume is seen by two or more cameras: a target's depth is not fixed in the rest",
                     std::lround(100 * coverage.by_two)));

@@ -215,6 +215,9 @@ std::string unit_mistake(const ServiceConfig& config);
 // Why the rig's poses are probably inverted, world_from_cam where cam_from_world is expected; one sentence, also one of
 // the warnings; empty: they are not. The test of huetrack-calibrate import.
 std::string pose_mistake(const ServiceConfig& config);
+// Why nothing of the volume is seen by two cameras, one sentence, also one of the warnings (instead of the latter);
+// empty: some of it is, or there is one camera.
+std::string coverage_mistake(const ServiceConfig& config);
 
 // Visibility of the volume, sampled on a grid.
 struct VolumeCoverage {

@@ -114,7 +114,8 @@ void check(const std::filesystem::path& file) {
   print_targets(config);
   if (!config.rig.cameras.empty() && config.is_calibrated()) print_room(config);
   // Repeated at the end, because nothing can be tracked with it.
-  if (const std::string mistake = config::unit_mistake(config); !mistake.empty()) {
+  for (const std::string& mistake : {config::unit_mistake(config), config::coverage_mistake(config)}) {
+    if (mistake.empty()) continue;
     std::fflush(stdout);
     throw files::ConfigError(config.file, 0, mistake);
   }

@@ -280,9 +280,9 @@ class Doctor {
                      config_->rig.cameras.size(), config_->targets.size()),
          ""});
     // Nothing can be tracked with it.
-    const std::string unit = config::unit_mistake(*config_);
+    const std::string unit = config::unit_mistake(*config_), unseen = config::coverage_mistake(*config_);
     for (const auto& warning : config::warnings_of(*config_))
-      say({warning == unit ? Grade::problem : Grade::warning, warning, ""});
+      say({warning == unit || warning == unseen ? Grade::problem : Grade::warning, warning, ""});
     if (const auto both = pipeline::one_under_two_names(config_->cameras))
       say({Grade::problem, "cameras: " + *both, "give each its own device: run refuses to start otherwise"});
     if (config_->cameras.empty())

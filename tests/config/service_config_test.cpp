@@ -620,6 +620,29 @@ TEST_F(ServiceConfigFile, PosesThatAreProbablyInvertedAreAMistake) {
   EXPECT_THAT(warnings_of(config), testing::Contains(pose_mistake(config)));
 }
 
+// Read the wrong way round, cameras around a place seem to stand together, and may see a place there.
+TEST_F(ServiceConfigFile, AVolumeThatNoTwoCamerasSeeIsAMistake) {
+  ServiceConfig config = load(ball);
+  EXPECT_THAT(coverage_mistake(config), IsEmpty());
+  config.rig.cameras.assign(3, config.rig.cameras[0]);
+  for (int c = 0; c < 3; ++c) {
+    const Eigen::AngleAxisd about_z(0.8 * c, Eigen::Vector3d::UnitZ()), down(2 + 0.1 * c, Eigen::Vector3d::UnitX());
+    config.rig.cameras[std::size_t(c)].cam_from_world = {Eigen::Quaterniond(down * about_z),
+                                                         Eigen::Vector3d(0, 0, 4 + 0.1 * c)};
+  }
+  config.object_tracking.volume = {{-1, -1, 0}, {1, 1, 2}};
+  EXPECT_THAT(coverage_mistake(config), IsEmpty());
+  EXPECT_THAT(pose_mistake(config), IsEmpty());
+  calib::CameraRig right = config.rig;
+  calib::invert_poses(config.rig.cameras);
+  ASSERT_TRUE(calib::middle_of(config.rig.cameras).is_in_all_pictures);
+  EXPECT_THAT(coverage_mistake(config), HasSubstr("its poses are probably world_from_cam"));
+  EXPECT_THAT(warnings_of(config), testing::Contains(coverage_mistake(config)));
+  config.rig = std::move(right);
+  config.object_tracking.volume = {{100, 100, 0}, {102, 102, 2}};
+  EXPECT_THAT(coverage_mistake(config), HasSubstr("or in another unit (--unit)?"));
+}
+
 TEST_F(ServiceConfigFile, LengthsThatCannotBeMetresAreAMistake) {
   const ServiceConfig right = load(ball);
   ASSERT_THAT(unit_mistake(right), IsEmpty());
