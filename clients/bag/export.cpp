@@ -167,7 +167,7 @@ void export_track(const BagOptions& options) {
     topics.insert(topics.end(), pictures->topics().begin(), pictures->topics().end());
     picture = pictures->next();
     if (!picture && bag.messages.empty())
-      throw std::runtime_error(options.pictures.string() + " has no picture: there is nothing to export");
+      throw std::runtime_error(options.pictures.front() + " has no picture: there is nothing to export");
   }
   const calib::CameraRig rig = pictures              ? pictures->rig()
                                : options.rig.empty() ? calib::CameraRig()

@@ -3,12 +3,14 @@
 
 #include <filesystem>
 #include <string>
+#include <vector>
 
 namespace huetrack::bag {
 
 struct BagOptions {
-  std::filesystem::path tracks;    // CSV, of targets or of a tracked camera; empty: pictures alone
-  std::filesystem::path pictures;  // a recording; empty: none
+  std::filesystem::path tracks;  // CSV, of targets or of a tracked camera; empty: pictures alone
+  // A recording, or CAMERA=FILE for each camera; empty: none.
+  std::vector<std::string> pictures;
   std::filesystem::path rig;       // of the cameras; empty: the recording's own, if it has one
   std::filesystem::path out;       // FILE.mcap, or the folder of a rosbag2
   std::string frame_id = "world";  // the world's name

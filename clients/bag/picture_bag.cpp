@@ -95,7 +95,7 @@ struct RecordedPictures::Impl {
   }
 };
 
-RecordedPictures::RecordedPictures(const std::filesystem::path& recording, std::filesystem::path rig,
+RecordedPictures::RecordedPictures(std::span<const std::string> recording, std::filesystem::path rig,
                                    std::size_t first_topic, std::chrono::nanoseconds offset)
     : impl_(std::make_unique<Impl>()) {
   impl_->offset = offset;

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -16,9 +17,9 @@ namespace huetrack::bag {
 // thread-compatible.
 class RecordedPictures {
  public:
-  // recording: its folder or yaml file. rig: empty: rig.yaml in the recording's folder, if any. first_topic: index of
-  // the first topic in the bag. Throws files::ConfigError, std::runtime_error.
-  RecordedPictures(const std::filesystem::path& recording, std::filesystem::path rig, std::size_t first_topic,
+  // recording: words, as recordings::read_recording() takes them. rig: empty: rig.yaml in the recording's folder, if
+  // any. first_topic: index of the first topic in the bag. Throws files::ConfigError, std::runtime_error.
+  RecordedPictures(std::span<const std::string> recording, std::filesystem::path rig, std::size_t first_topic,
                    std::chrono::nanoseconds offset);
   ~RecordedPictures();
   RecordedPictures(const RecordedPictures&) = delete;

@@ -1,5 +1,6 @@
 // huetrack: the command-line client. It sees only what any DDS program can see.
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
 #include <exception>
 #include <functional>
@@ -194,13 +195,23 @@ void CommandLine::add_plot() {
 void CommandLine::add_export() {
   CLI::App& command =
       add("export", "turn a track CSV, or a recording's pictures, into a rosbag2 or an MCAP file", [this] {
+        // An option of several words takes a track that follows it.
+        const auto track = std::ranges::find_if(export_.pictures, [](const std::string& word) {
+          return word.ends_with(".csv") && word.find('=') == std::string::npos;
+        });
+        if (export_.tracks.empty() && track != export_.pictures.end()) {
+          export_.tracks = *track;
+          export_.pictures.erase(track);
+        }
         bag::export_track(export_);
         return 0;
       });
   command.add_option("tracks", export_.tracks, "CSV of `huetrackd replay --tracks` or `huetrack log`");
   command.add_option("--out", export_.out, "FILE.mcap, or a new folder for a rosbag2 (sqlite3)")->required();
-  command.add_option("--pictures", export_.pictures,
-                     "a recording: adds every frame as a CompressedImage, and its CameraInfo");
+  command.add_option(
+      "--pictures", export_.pictures,
+      "a recording, or the cameras' videos, left=a.mp4 right=b.mp4: adds every frame as a CompressedImage, "
+      "and its CameraInfo");
   command.add_option("--rig", export_.rig,
                      "rig file: the cameras' poses and lenses; default: rig.yaml in the recording's folder");
   command.add_option("--frame", export_.frame_id, "the world's name in the messages")->capture_default_str();

@@ -258,6 +258,11 @@ try {
   exported("--pictures", options.recording, "--out", file("demo_bag"), "--clock-offset", "1700000000");
   console.log(`rosbag2: ${checkPictures(await readRosbag2(file("demo_bag")), base, 0)} pictures and camera infos are the recording's`);
 
+  // The cameras' videos instead of a recording, before the track.
+  const videos = ["cam0", "cam1"].map((name) => `${name}=${join(options.recording, `${name}.mkv`)}`);
+  const rigFile = join(options.recording, "rig.yaml");
+  assert.match(exported("--pictures", ...videos, file("demo.csv"), "--rig", rigFile, "--out", file("videos.mcap")), /607 messages on 7 topics/);
+
   // A track with a rig alone; a camera that moves is not said to stand.
   exported(file("camera.csv"), "--out", file("moving.mcap"), "--frame", "studio", "--rig", join(options.recording, "rig.yaml"));
   const moving = (await readMcap(file("moving.mcap"))).decoded;
