@@ -446,7 +446,7 @@ function updateRadius(): void {
   const isOther = radius !== null && inForce !== undefined && Math.abs(radius - inForce) >= 0.0005;
   button.hidden = !hasLearnt || !isOther;
   enable(button, pending ? "wait for the service" : "");
-  if (isOther) button.textContent = `Take a radius of ${(1000 * radius!).toFixed(1)} mm instead of ${+(1000 * inForce).toFixed(1)} mm`;
+  if (isOther) button.textContent = `Take a radius of ${(1000 * radius!).toFixed(1)} mm (in use: ${+(1000 * inForce).toFixed(1)} mm)`;
 }
 
 async function takeRadius(): Promise<void> {
