@@ -28,7 +28,6 @@ namespace fs = std::filesystem;
 using namespace std::chrono_literals;
 
 constexpr std::size_t max_cameras = 8;
-constexpr const char* one_camera_rig = "rig_one_camera.yaml";
 // Data sheets round to five degrees or ten, and lenses differ by some per cent from one another.
 constexpr double stated_focal_sigma = 0.05;
 constexpr double wanted_fps = 30;
@@ -58,9 +57,10 @@ Eigen::MatrixXd usual_covariance(const calib::ImageSize& size, double focal_px, 
   return out;
 }
 
-// Returns the rig's file name.
+// Next to the configuration, and named after it: films of one folder have rigs of their own. Returns its name.
 std::string write_rig_of_one(const fs::path& config, const SetUpCamera& camera, std::optional<double> fov_deg) {
-  const fs::path file = config.parent_path() / one_camera_rig;
+  const std::string name = config.stem().string() + ".rig.yaml";
+  const fs::path file = config.parent_path() / name;
   std::error_code none;
   if (fs::exists(file, none))
     throw std::runtime_error(
@@ -71,7 +71,7 @@ std::string write_rig_of_one(const fs::path& config, const SetUpCamera& camera, 
       "distance for that alone. Delete both files and run setup --fov DEGREES if you know better, or calibrate the "
       "camera: huetrack-calibrate intrinsics. A second camera would measure the distance itself.\n",
       file.string(), fov_deg.value_or(calib::usual_lens.fov_deg), 100 * log_focal_sigma(fov_deg));
-  return one_camera_rig;
+  return name;
 }
 
 void write_first_configuration(const SetUpCommand& command, const std::stop_token& stop) {

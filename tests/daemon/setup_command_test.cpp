@@ -67,12 +67,16 @@ TEST_F(SetUp, AFilmOfOneCameraGetsAConfiguration) {
   EXPECT_TRUE(config.is_calibrated());
   EXPECT_EQ(config.targets.at(0).name, "ball");
   EXPECT_THROW(set_up_film(command, {}), std::runtime_error);  // nothing is replaced
+  testing::internal::CaptureStdout();
+  set_up_film({.config = folder / "other.yaml", .film = folder / "ball.mkv"}, {});
+  testing::internal::GetCapturedStdout();
+  EXPECT_EQ(config::load_service_config(folder / "other.yaml").rig_file.filename(), "other.rig.yaml");
 }
 
 TEST_F(SetUp, OneCameraIsUsedWithoutACalibration) {
   const std::vector<SetUpCamera> cameras{{"/dev/video0", 640, 480, ""}};
-  std::ofstream(folder / "rig_one_camera.yaml") << rig_of_one_camera(cameras.front(), 60);
-  std::ofstream(folder / "one.yaml") << first_configuration(cameras, 16e9, "rig_one_camera.yaml");
+  std::ofstream(folder / "one.rig.yaml") << rig_of_one_camera(cameras.front(), 60);
+  std::ofstream(folder / "one.yaml") << first_configuration(cameras, 16e9, "one.rig.yaml");
   const config::ServiceConfig config = config::load_service_config(folder / "one.yaml");
   ASSERT_TRUE(config.is_calibrated());
   ASSERT_EQ(config.rig.cameras.size(), 1u);
