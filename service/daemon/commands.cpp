@@ -103,7 +103,7 @@ void add_replay_command(CLI::App& app, Command& chosen) {
   ReplayCommand& replay_options = options->replay;
   CLI::App* command = app.add_subcommand("replay", "track a recording");
   command->add_option("config", replay_options.config, config_help)->required();
-  command->add_option("recording", replay_options.recording, recording_help)->required();
+  command->add_option("recording", replay_options.recording, recording_help);
   command
       ->add_option("--speed", replay_options.speed,
                    "real: as recorded; 0.1 to 10: so many times that; max (default): as fast as possible, never "
@@ -152,6 +152,8 @@ void add_replay_command(CLI::App& app, Command& chosen) {
     return false;
   };
   const auto run = [options](const std::stop_token& stop) {
+    if (options->replay.recording.empty())
+      throw std::runtime_error(options->replay.config.string() + ": no recording was given: " + recording_help);
     options->replay.progress = !options->quiet;
     options->replay.reload = &options->reload;
     const ReplaySummary summary = replay(options->replay, stop);

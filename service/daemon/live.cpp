@@ -106,8 +106,10 @@ bool may_restart(const LiveCommand& options) {
 void refuse_what_cannot_be(const config::ServiceConfig& config, std::span<const pipeline::LiveCamera> cameras,
                            const LiveCommand& options) {
   if (cameras.empty())
-    throw std::runtime_error(config.file.string() +
-                             ": cameras: there are none: name the live cameras; ls -l /dev/v4l/by-path/ lists them");
+    throw std::runtime_error(
+        config.file.string() +
+        ": cameras: there are none: name the live cameras; huetrackd doctor lists them, and huetrackd "
+        "setup writes a configuration with them");
   pipeline::refuse_outputs({.files = {options.tracks, options.poses, options.write_rig}}, pipeline::files_of(config));
   // Without a calibration there is nothing to save.
   if (!options.record_to.empty() || !options.write_rig.empty()) config::require_rig(config);

@@ -491,6 +491,13 @@ TEST_F(EndToEnd, AWordThatIsNoCommandIsNamed) {
   EXPECT_EQ(client.err, "huetrack: there is no command wathc (did you mean watch?); huetrack --help lists them\n");
 }
 
+TEST_F(EndToEnd, AReplayOfNoRecordingSaysWhatItTakes) {
+  const Result result = run({HUETRACKD, "replay", config});
+  EXPECT_EQ(result.status, 1);
+  EXPECT_THAT(result.err, testing::AllOf(StartsWith("huetrackd: " + config + ": no recording was given: "),
+                                         HasSubstr("left=a.mp4 right=b.mp4")));
+}
+
 TEST_F(EndToEnd, AnUnknownOptionOfAnyProgramIsNamed) {
   const auto message = [this](std::vector<std::string> words) {
     const Result result = run(words);
