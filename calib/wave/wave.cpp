@@ -630,8 +630,8 @@ std::vector<solver::Reason> contradicting_sizes(const calib::CameraRig& rig, con
                        solver::Fault::wrong_radius});
   } else if (looks && !options.guessed_radius && is_far_from_one(*looks)) {
     found.push_back(
-        {fmt::format("at the scale that was given the ball looks {:.3g} times as large as its radius of {:.3g} mm says",
-                     *looks, 1e3 * options.radius_m),
+        {fmt::format("at the scale that was given the ball has a radius of {:.3g} mm, and {:.3g} mm was given",
+                     1e3 * *looks * options.radius_m, 1e3 * options.radius_m),
          solver::Fault::wrong_scale});
   }
   return found;
@@ -640,9 +640,12 @@ std::vector<solver::Reason> contradicting_sizes(const calib::CameraRig& rig, con
 // throws CalibrationError: what was found is not of the ball's size, and the given sizes are why
 void require_size(const calib::CameraRig& rig, const std::vector<BallFrame>& frames, const WaveOptions& options,
                   double looks) {
-  if (options.guessed_radius || !is_far_from_one(looks) || contradicting_sizes(rig, frames, options, looks).empty())
-    return;
-  throw solver::CalibrationError(fmt::format("what was found looks {:.3g} times as large as the ball", looks));
+  if (options.guessed_radius || !is_far_from_one(looks)) return;
+  std::vector<solver::Reason> why = contradicting_sizes(rig, frames, options, looks);
+  if (why.empty()) return;
+  if (!options.has_poses) throw solver::CalibrationError(std::move(why));
+  throw solver::CalibrationError(
+      fmt::format("in what was found the ball has a radius of {:.3g} mm", 1e3 * looks * options.radius_m));
 }
 
 // Scales the solution to metres. Returns the throws. Without a covariance of the fit poses and lenses count as exact.
@@ -733,6 +736,7 @@ WaveResult calibrate_wave(const calib::CameraRig& rig, std::vector<BallFrame> fr
   try {
     return calibrated(rig, frames, options, looks);
   } catch (const solver::CalibrationError& error) {
+    if (error.fault() == solver::Fault::wrong_scale) throw;
     // A wrong size contracts path and cameras, and looks like a lack of motion.
     std::vector<solver::Reason> why = contradicting_sizes(rig, frames, options, looks);
     if (why.empty()) throw;

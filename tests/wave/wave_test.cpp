@@ -177,8 +177,10 @@ TEST(Wave, ReportsWrongRadiusOrDistanceInsteadOfTooLittleMotion) {
                                   HasSubstr("was given: measure it, and correct it. As it was given, no rig was")))));
   options.has_poses = false;
   EXPECT_THAT(failure(truth, waved(truth, {}), options),
-              AllOf(finds(Fault::wrong_scale, StartsWith("at the scale that was given the ball looks ")),
-                    advises(HasSubstr("says: correct the radius, or the measured distance, which is in metres"))));
+              AllOf(finds(Fault::wrong_scale, StartsWith("at the scale that was given the ball has a radius of ")),
+                    advises(AllOf(HasSubstr("mm was given: correct the radius, or the measured distance, which is in "
+                                            "metres"),
+                                  testing::Not(HasSubstr("no rig was found"))))));
 }
 
 TEST(Wave, PredictsErrorInTheWholeVolume) {
