@@ -449,12 +449,14 @@ void ColorTeacher::judge(TaughtView& view, std::size_t camera, const std::string
   text += percent(view.background_share) + " of the background matches";
   if (is_rival) {
     text += patch_text();
-    view.narrower = narrower(view, camera, wider, ignored);
+    if (view.region) view.narrower = narrower(view, camera, wider, ignored);
     if (const auto& n = view.narrower) {
       text += fmt::format(
           ": narrow it by {} step{}: then {} of the background matches, and {} of the object; or choose another "
           "colour, or ignore this region",
           wider - n->wider, wider - n->wider == 1 ? "" : "s", percent(n->background_share), percent(n->object_share));
+    } else if (!view.region) {
+      text += ", which may be the object: it was found at other moments only";
     } else {
       text +=
           ": no narrower range tells the two apart: choose another colour, ignore this region, or, if it is another "

@@ -33,7 +33,7 @@ struct TeachRequestOptions {
 };
 
 struct TaughtView {
-  bool pointed = false;              // what this view shows was learnt: by a point, or by an accepted suggestion
+  bool pointed = false;              // it was learnt from: by a point, an accepted suggestion, or at other moments
   std::string problem;               // why nothing could be learnt from the point, and what to do
   std::optional<MaskRegion> region;  // the object's; without a point the suggested one
   color::HsiRange color;             // without a point that of the first view with one

@@ -34,7 +34,6 @@ class FoundAgain {
  private:
   struct Picture;
   struct Place;
-  std::vector<Picture> pictures_of(const capture::FrameSet& set);
   Picture picture_of(const object_tracking::TargetView& view);
   std::vector<Place> places_of(std::vector<Picture>& pictures) const;
 

@@ -89,10 +89,12 @@ Lesson learn(const ColorTeacher& teacher, const TeachRequestOptions& requested,
     const auto is_clicked = [&](std::size_t c) {
       return std::ranges::find(request.points, int(c), &TeachPoint::camera) != request.points.end();
     };
-    // Not what was found only at other moments: no point says anything of it.
-    for (std::size_t c = 0; c < lesson.taught.views.size(); ++c)
-      if (lesson.taught.views[c].pointed && lesson.taught.views[c].region && !is_clicked(c))
-        lesson.accepted.push_back(c);
+    for (std::size_t c = 0; c < lesson.taught.views.size(); ++c) {
+      if (!lesson.taught.views[c].pointed || is_clicked(c)) continue;
+      lesson.is_all_clicked = false;
+      // What was found only at other moments is no suggestion.
+      if (lesson.taught.views[c].region) lesson.accepted.push_back(c);
+    }
     // No user checks what else has the colour: narrower ranges that leave it out are used, unless a width is requested,
     // or a trial shows whether the tracker distinguishes the two.
     if (const auto steps = narrower_steps(lesson.taught); steps && request.wider == 0 && !request.is_tried) {

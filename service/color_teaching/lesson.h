@@ -20,13 +20,14 @@ struct Lesson {
   Taught taught;                          // per camera
   object_tracking::TargetOptions target;  // with the learnt colours
   std::vector<std::size_t> accepted;      // cameras in which a suggestion counts as pointed at
-  std::optional<int> narrowed_to;         // TeachRequestOptions::wider that keeps accepted ranges free of a patch
-  std::vector<std::string> unconfirmed;   // cameras without a point, in which the object probably is
-  std::vector<std::string> namesakes;     // other targets whose colour the object has, too
-  RadiusProposal radius;                  // the object's size
-  std::string why_useless;                // why it must not be saved; empty: it may be
-  std::string why_doubtful;               // why it must not be saved without a trial on a recording; empty: it may be
-  bool is_faint = false;                  // in some camera the ranges hold less than half of the object
+  bool is_all_clicked = true;      // false: also learnt from views without a click, by suggestions or at other moments
+  std::optional<int> narrowed_to;  // TeachRequestOptions::wider that keeps accepted ranges free of a patch
+  std::vector<std::string> unconfirmed;  // cameras without a point, in which the object probably is
+  std::vector<std::string> namesakes;    // other targets whose colour the object has, too
+  RadiusProposal radius;                 // the object's size
+  std::string why_useless;               // why it must not be saved; empty: it may be
+  std::string why_doubtful;              // why it must not be saved without a trial on a recording; empty: it may be
+  bool is_faint = false;                 // in some camera the ranges hold less than half of the object
 };
 
 // targets: all of the configuration. volume: where a suggested object may be. Pure.

@@ -184,7 +184,7 @@ bool OutlineSighter::sharpen(const TargetView& view, const MotionState& state, c
 
 std::optional<KnownBackground> OutlineSighter::behind(std::size_t camera) const {
   const PerView& of = views_[camera];
-  if (!of.behind) return std::nullopt;
+  if (!is_enabled() || !of.behind) return std::nullopt;
   return KnownBackground{&*of.behind, std::sqrt(std::max(1.0, of.look.usual_misfit))};
 }
 

@@ -91,7 +91,7 @@ bool TriedTeaching::passes(TriedLesson& tried, const std::stop_token& stop) cons
     fmt::print("With the learnt colour, {}: wider and narrower ranges are tried\n", words(tried));
     tried = best_width(std::move(tried), stop);
   }
-  const bool may_be_forced = tried.lesson.accepted.empty();
+  const bool may_be_forced = tried.lesson.is_all_clicked;
   // A wide range tracks also by a radius that the pictures contradict, at wrong distances.
   const bool is_contradicted = !other.empty() && !may_be_forced;
   if ((tried.holds() && !is_contradicted) || (command_.force && may_be_forced)) {

@@ -20,9 +20,9 @@ struct TriedLesson {
 
   bool is_found() const { return trial.is_sure && trial.is_found(); }
   double precision() const { return is_found() ? trial.precision() : 0; }
-  // Suggestions in other views are unconfirmed with --accept: then the object must be tracked at the point. If all
+  // With --accept, what was learnt in other views is unconfirmed: then the object must be tracked at the point. If all
   // views were clicked, a track elsewhere is only a warning.
-  bool holds() const { return is_found() || (trial.is_sure && lesson.accepted.empty()); }
+  bool holds() const { return is_found() || (trial.is_sure && lesson.is_all_clicked); }
 };
 
 // Keeps references to all that it is made from.
@@ -38,8 +38,10 @@ class TriedTeaching {
   // With the radius that would be written. throws std::runtime_error: --radius, but none was measured
   TriedLesson untried(color_teaching::Lesson lesson) const;
 
-  // Prints the trials' results, and returns whether the lesson may be saved. Narrower and wider ranges are tried as
-  // well, and the best replaces the lesson. throws std::runtime_error: stopped
+  // Prints the trials' results, and returns whether the lesson may be saved. Wider ranges are tried as well, or
+  // narrower ones if the first wider one tracks no better, and the best replaces the lesson. What was learnt in views
+  // without a click is not saved either where the measured radius contradicts the configured one. throws
+  // std::runtime_error: stopped
   bool passes(TriedLesson& tried, const std::stop_token& stop) const;
 
  private:

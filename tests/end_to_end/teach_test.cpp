@@ -258,5 +258,17 @@ TEST_F(Teach, AcceptInAHandUsesRangesThatTheRoomShares) {
   EXPECT_TRUE(fs::exists(taught));
 }
 
+// A picture on the wall was clicked, and the ball is found at other moments: what is tracked is not what was clicked.
+TEST_F(Teach, AcceptSavesNothingThatIsTrackedElsewhere) {
+  const fs::path hand = fs::path(HUETRACK_SHARED_DATA) / "rendered/hand";
+  if (!fs::exists(hand)) GTEST_SKIP() << hand << " is not there";
+  std::ofstream(config) << "version: 1\nrig: " << (hand / "rig.yaml").string()
+                        << "\ntargets: {ball: {radius_m: 0.0469, color: {hue_deg: [0, 40]}}}\n"
+                           "object_tracking: {volume: {min: [-1, -1, 0], max: [1, 1, 2.1]}}\ndds: {enabled: false}\n";
+  const Result result = run({"teach", config, hand, "--at", "cam2,0,505,18", "--accept"});
+  EXPECT_EQ(result.status, 1) << result.out << result.err;
+  EXPECT_FALSE(fs::exists(taught));
+}
+
 }  // namespace
 }  // namespace huetrack::end_to_end
