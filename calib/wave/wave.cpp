@@ -234,7 +234,8 @@ void compare_lens(WaveCamera& camera, const calib::Camera& given, const calib::C
   double sum = 0;
   int count = 0;
   for (int i = 0; i < columns * rows; ++i) {
-    const Vector2d share((i % columns + 0.5) / columns, (i / columns + 0.5) / rows);
+    const int column = i % columns, row = i / columns;
+    const Vector2d share((column + 0.5) / columns, (row + 0.5) / rows);
     const Vector2d px = share.cwiseProduct(Vector2d(given.image_size.width, given.image_size.height));
     const auto ray = given.model.ray({px});
     const auto there = ray ? found.project(*ray) : std::nullopt;

@@ -158,10 +158,10 @@ void check_live_cameras(const ServiceConfig& config, const yaml::YamlReader& roo
     if (camera.send == Sent::matches && camera.name == config.camera_tracking.camera)
       live.map(camera.name).fail("send", "must be frames: camera_tracker needs its pictures");
     // Each of two colours while a new configuration is taken over.
-    constexpr std::size_t most_targets = capture::Matches::most / 2;
-    if (camera.send == Sent::matches && config.targets.size() > most_targets)
+    constexpr std::size_t most_colors = capture::Matches::most / 2;
+    if (camera.send == Sent::matches && config.targets.size() > most_colors)
       live.map(camera.name)
-          .fail("send", fmt::format("must be frames: matches allow at most {} targets, and there are {}", most_targets,
+          .fail("send", fmt::format("must be frames: matches allow at most {} targets, and there are {}", most_colors,
                                     config.targets.size()));
     if (camera.send == Sent::matches && !config.is_calibrated())
       live.map(camera.name).fail("send", "must be frames until the cameras are calibrated (rig: none)");
