@@ -175,9 +175,11 @@ async function test() {
   // And with a distance that was measured, from the same recording.
   assert.equal(await page.isDisabled("#calibrate-again"), true, "no distance is said");
   await page.fill("#calibrate-metres", "1.9");
+  const without = await says();
   await page.click("#calibrate-again");
-  await until("it is calibrated again", () => page.isVisible("#calibrate-run"));
-  await until("it is solved again", async () => /^(Usable|Doubtful|It failed).*/.test(await says()) && !(await page.isVisible("#calibrate-run")), 150000);
+  // That it runs may be seen too late: another result shows that it ran.
+  const isOther = (text) => text !== without && /^(Usable|Doubtful|It failed)/.test(text);
+  await until("it is solved again", async () => isOther(await says()) && !(await page.isVisible("#calibrate-run")), 150000);
   say(await says());
   await picture("11_distance");
   const solved = join(folder, "recordings", recordings().filter((name) => kindOf(name) === "wave").at(-1));
