@@ -32,12 +32,13 @@ bool has(const outline::Picture& picture, const color::PixelBox& box) {
 }  // namespace
 
 bool CoveredBall::look(const TargetView& view, const outline::Picture& picture, const KnownBackground& behind,
-                       const color::PixelBox& box, int step) {
+                       const color::PixelBox& box, int step, const color::Disc* ring_of) {
   u_.clear(), v_.clear(), sample_u_.clear(), sample_v_.clear();
   if (!has(picture, box)) return false;
   view.matches->look(box);
   for (int v = box.v_min; v <= box.v_max; v += step) {
     for (int u = box.u_min; u <= box.u_max; u += step) {
+      if (ring_of != nullptr && !color::DiscFinder::is_in_ring(*ring_of, {u, v})) continue;
       u_.push_back(u), v_.push_back(v);
       sample_u_.push_back(u / picture.columns), sample_v_.push_back(v / picture.rows);
     }
@@ -87,8 +88,8 @@ std::optional<DiscPlace> CoveredBall::measure(const TargetView& view, const outl
   const int step = std::max(1, int(region.radius_px / rows_per_radius));
   const color::PixelBox around = box_around(region, color::DiscFinder::ring_to(), view);
   const color::PixelBox box = box_around(region, reach_radii, view);
-  if (!look(view, picture, behind, around, step) || !is_something_around(region) ||
-      !look(view, picture, behind, box, 1))
+  if (!look(view, picture, behind, around, step, &region) || !is_something_around(region) ||
+      !look(view, picture, behind, box, 1, nullptr))
     return std::nullopt;
   const color::ColorRegion disc = finder_.measure(box, evidence_, region);
   if (disc.area == 0 || !is_something_around({disc.centre, region.radius_px})) return std::nullopt;

@@ -37,9 +37,10 @@ class CoveredBall {
                                    const KnownBackground& behind, const color::Disc& region);
 
  private:
-  // What every step-th pixel of a box shows. false: the picture does not have them.
+  // What every step-th pixel of a box shows; ring_of: only those in its ring, or nullptr. false: the picture does not
+  // have them.
   bool look(const TargetView& view, const outline::Picture& picture, const KnownBackground& behind,
-            const color::PixelBox& box, int step);
+            const color::PixelBox& box, int step, const color::Disc* ring_of);
   bool is_something_around(const color::Disc& disc) const;
 
   struct Values {
