@@ -26,8 +26,8 @@ void invert_poses(std::span<Camera> cameras);
 // inverted poses, cameras around a place seem to be near one point. nullopt: not so.
 std::optional<Middle> better_inverted(std::span<const Camera> cameras);
 
-// Whether they probably are inverted, if these are better inverted. A right rig whose world is a camera's frame would
-// grow by no more than twice.
+// Whether the poses are probably inverted. inverted: of better_inverted(). If the world is the frame of one camera,
+// inverting right poses spreads the cameras at most twice as far.
 bool are_probably_inverted(std::span<const Camera> cameras, const Middle& inverted);
 
 }  // namespace huetrack::calib

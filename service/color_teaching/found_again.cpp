@@ -5,6 +5,8 @@
 #include <numbers>
 #include <utility>
 
+#include "object_tracking/sighting.h"
+
 namespace huetrack::color_teaching {
 namespace {
 
@@ -103,12 +105,8 @@ FoundAgain::Picture FoundAgain::picture_of(const object_tracking::TargetView& vi
   return out;
 }
 
-std::vector<FoundAgain::Place> FoundAgain::places_of(std::vector<Picture>& pictures) const {
+std::vector<FoundAgain::Place> FoundAgain::places_of(const std::vector<Picture>& pictures) const {
   std::vector<Place> out;
-  const auto is_inside = [&](const Eigen::Vector3d& at) {
-    return (at.array() > volume_.min.array() - around_volume_m).all() &&
-           (at.array() < volume_.max.array() + around_volume_m).all();
-  };
   const auto add = [&](const Eigen::Vector3d& position) {
     Place place{.position = position};
     for (std::size_t p = 0; p < pictures.size(); ++p) {
@@ -124,7 +122,9 @@ std::vector<FoundAgain::Place> FoundAgain::places_of(std::vector<Picture>& pictu
     for (std::size_t b = a + 1; b < pictures.size(); ++b)
       for (const FoundView& one : pictures[a].views)
         for (const FoundView& other : pictures[b].views)
-          if (const auto at = meeting_point(rig_, std::vector{one.view, other.view}); at && is_inside(*at)) add(*at);
+          if (const auto at = meeting_point(rig_, std::vector{one.view, other.view});
+              at && object_tracking::inside(volume_, *at, around_volume_m))
+            add(*at);
   std::ranges::stable_sort(out, {}, &Place::cost);
   return out;
 }

@@ -35,7 +35,7 @@ class FoundAgain {
   struct Picture;
   struct Place;
   Picture picture_of(const object_tracking::TargetView& view);
-  std::vector<Place> places_of(std::vector<Picture>& pictures) const;
+  std::vector<Place> places_of(const std::vector<Picture>& pictures) const;
 
   const calib::CameraRig& rig_;
   const std::vector<Look> looks_;

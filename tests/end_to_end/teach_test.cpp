@@ -29,6 +29,13 @@ class Teach : public Test {
            "dds: {domain: 73, interfaces: [lo]}\n";
   }
   ~Teach() override { fs::remove_all(folder); }
+  // A ball that is not taught yet, with the recording's rig.
+  void configure_ball(const fs::path& rendered, const std::string& radius_m) {
+    std::ofstream(config) << "version: 1\nrig: " << (rendered / "rig.yaml").string()
+                          << "\ntargets: {ball: {radius_m: " << radius_m << ", color: {hue_deg: [0, 40]}}}\n"
+                          << "object_tracking: {volume: {min: [-1, -1, 0], max: [1, 1, 2.1]}}\n"
+                          << "dds: {enabled: false}\n";
+  }
   struct Result {
     int status;
     std::string out, err;
@@ -236,9 +243,7 @@ TEST_F(Teach, AWrongRadiusIsNamedWhereNothingIsTrackedByIt) {
 TEST_F(Teach, AcceptTakesWhatIsOnlySuggestedThen) {
   const fs::path webcams = fs::path(HUETRACK_SHARED_DATA) / "rendered/webcams";
   if (!fs::exists(webcams)) GTEST_SKIP() << webcams << " is not there";
-  std::ofstream(config) << "version: 1\nrig: " << (webcams / "rig.yaml").string()
-                        << "\ntargets: {ball: {radius_m: 0.04, color: {hue_deg: [0, 40]}}}\n"
-                           "object_tracking: {volume: {min: [-1, -1, 0], max: [1, 1, 2.1]}}\ndds: {enabled: false}\n";
+  configure_ball(webcams, "0.04");
   const Result result = run({"teach", config, webcams, "--at", "cam1,90,196.2,262.3", "--accept"});
   EXPECT_EQ(result.status, 0) << result.out << result.err;
   EXPECT_THAT(result.out, Not(HasSubstr("with --accept")));
@@ -250,9 +255,7 @@ TEST_F(Teach, AcceptTakesWhatIsOnlySuggestedThen) {
 TEST_F(Teach, AcceptInAHandUsesRangesThatTheRoomShares) {
   const fs::path hand = fs::path(HUETRACK_SHARED_DATA) / "rendered/hand";
   if (!fs::exists(hand)) GTEST_SKIP() << hand << " is not there";
-  std::ofstream(config) << "version: 1\nrig: " << (hand / "rig.yaml").string()
-                        << "\ntargets: {ball: {radius_m: 0.0469, color: {hue_deg: [0, 40]}}}\n"
-                           "object_tracking: {volume: {min: [-1, -1, 0], max: [1, 1, 2.1]}}\ndds: {enabled: false}\n";
+  configure_ball(hand, "0.0469");
   const Result result = run({"teach", config, hand, "--at", "cam1,40,334.2,244.1", "--accept"});
   EXPECT_EQ(result.status, 0) << result.out << result.err;
   EXPECT_TRUE(fs::exists(taught));
@@ -262,9 +265,7 @@ TEST_F(Teach, AcceptInAHandUsesRangesThatTheRoomShares) {
 TEST_F(Teach, AcceptSavesNothingThatIsTrackedElsewhere) {
   const fs::path hand = fs::path(HUETRACK_SHARED_DATA) / "rendered/hand";
   if (!fs::exists(hand)) GTEST_SKIP() << hand << " is not there";
-  std::ofstream(config) << "version: 1\nrig: " << (hand / "rig.yaml").string()
-                        << "\ntargets: {ball: {radius_m: 0.0469, color: {hue_deg: [0, 40]}}}\n"
-                           "object_tracking: {volume: {min: [-1, -1, 0], max: [1, 1, 2.1]}}\ndds: {enabled: false}\n";
+  configure_ball(hand, "0.0469");
   const Result result = run({"teach", config, hand, "--at", "cam2,0,505,18", "--accept"});
   EXPECT_EQ(result.status, 1) << result.out << result.err;
   EXPECT_FALSE(fs::exists(taught));

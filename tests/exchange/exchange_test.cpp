@@ -736,7 +736,7 @@ TEST_F(Exchange, InvertedPosesAreShownBesideTheOthers) {
   EXPECT_THAT(in.notes, testing::Not(Contains(HasSubstr("--inverted-poses"))));
 }
 
-// A right rig whose world is a camera's frame may look further apart if it is inverted, but not by much.
+// If the world is the frame of one camera, inverting right poses spreads the cameras, but not by much.
 TEST_F(Exchange, ARigInACamerasFrameIsNotDoubtful) {
   Imported in = import_text("a.json", three_cameras("extrinsics", false, {0.6, -0.5, 0.3}, 2.1));
   const calib::Rigid3d world_from_first = calib::inverse(in.rig.cameras[0].cam_from_world);

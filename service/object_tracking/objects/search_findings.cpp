@@ -4,7 +4,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "object_tracking/objects/static_clutter_mask.h"
 #include "object_tracking/sighting.h"
 
 namespace huetrack::objects {
@@ -53,7 +52,7 @@ std::optional<double> SearchLog::Pairs::radius_m() const {
 }
 
 void SearchLog::add(const std::vector<TargetView>& views, std::span<const std::vector<color::ColorRegion>> regions,
-                    const Volume& volume, const StaticClutterMask& still) {
+                    const Volume& volume, bool is_room_shared) {
   constexpr std::size_t largest = sighting_tuning.max_regions;
   bool is_outside = false;
   for (std::size_t i = 0; i < views.size(); ++i) {
@@ -67,7 +66,7 @@ void SearchLog::add(const std::vector<TargetView>& views, std::span<const std::v
           if (r <= 0 || s <= 0 || !are_radii_alike(r, s)) continue;
           const bool is_inside = inside(volume, *p, 0);
           is_outside |= !is_inside;
-          if (is_inside && still.is_room_shared()) continue;
+          if (is_inside && is_room_shared) continue;
           for (Counted* of : {&since_found_, &of_run_})
             (is_inside ? of->inside : of->outside).add({*p, std::sqrt(r * s)});
         }

@@ -14,8 +14,6 @@
 
 namespace huetrack::objects {
 
-class StaticClutterMask;
-
 // Of the frame sets searched in vain since the target was last found, or in the whole run (observation: huetrack).
 // Facts; the advice that follows from them: reports/search_advice.h.
 struct SearchFindings {
@@ -46,11 +44,12 @@ class SearchLog {
  public:
   explicit SearchLog(std::size_t cameras) : since_found_(cameras), of_run_(cameras) {}
 
-  // One frame set in which no object was found. regions[i] belongs to views[i]. In a room that
-  // shares the colour, as an object much too large seems to, they are of the size that is searched: they show none.
+  // One frame set in which no object was found. regions[i] belongs to views[i]. In a room that shares the colour,
+  // regions are discs of the size that is searched, so they say nothing about the radius. An object far larger than
+  // configured passes for such a room.
   void add(const std::vector<object_tracking::TargetView>& views,
            std::span<const std::vector<color::ColorRegion>> regions, const object_tracking::Volume& volume,
-           const StaticClutterMask& still);
+           bool is_room_shared);
   void clear();                                                        // it was found
   SearchFindings findings() const { return since_found_.findings(); }  // since it was last found
   SearchFindings findings_of_run() const { return of_run_.findings(); }

@@ -88,10 +88,10 @@ class ObjectSighter {
   double radius_m_;
   object_tracking::ObjectTrackerOptions options_;
   object_tracking::OutlineSighter outlines_;
-  std::vector<LastRegion> last_;              // per camera
-  std::vector<UsualSize> usual_;              // per camera
-  std::vector<color::RegionFinder> finders_;  // per camera
-  object_tracking::CoveredBall covered_;
+  std::vector<LastRegion> last_;                          // per camera
+  std::vector<UsualSize> usual_;                          // per camera
+  std::vector<color::RegionFinder> finders_;              // per camera
+  object_tracking::CoveredBall covered_;                  // in any view
   std::vector<color::DiscFinder> disc_finders_;           // per camera
   std::vector<color::ColorRegion> near_;                  // work space of regions_near()
   std::vector<std::vector<color::ColorRegion>> regions_;  // work space of sight_after_bounce(), per view

@@ -295,7 +295,7 @@ void RegionTracker::search(const capture::FrameSet& set, const std::vector<Targe
   if (std::ranges::any_of(objects_, is_live))
     search_log_.clear();
   else
-    search_log_.add(views, search_.regions(), options_.volume, clutter_mask_);
+    search_log_.add(views, search_.regions(), options_.volume, clutter_mask_.is_room_shared());
 }
 
 // One object is found inside of the volume only; several outside, too, so that they explain their regions.
