@@ -1,11 +1,6 @@
 #include "pictures/canvas_image.h"
 
-#include <fcntl.h>
-#include <unistd.h>
-
-#include <cerrno>
 #include <cmath>
-#include <cstring>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
@@ -53,17 +48,8 @@ void write_png(const std::filesystem::path& file, const cv::Mat& bgr) {
   std::vector<unsigned char> bytes;
   if (!cv::imencode(".png", bgr, bytes, {cv::IMWRITE_PNG_COMPRESSION, compression}))
     throw std::runtime_error("cannot encode " + file.string());
-  const auto check = [&](bool is_good) {  // imwrite() does not say why
-    if (!is_good) throw std::runtime_error("cannot write " + file.string() + ": " + std::strerror(errno));
-  };
-  const int fd = open(file.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
-  check(fd >= 0);
-  const bool is_whole =
-      files::write_all(fd, {reinterpret_cast<const char*>(bytes.data()), bytes.size()}) == bytes.size();
-  const int error = errno;
-  close(fd);
-  errno = error;
-  check(is_whole);
+  files::write_whole_file(file,
+                          {reinterpret_cast<const char*>(bytes.data()), bytes.size()});  // imwrite() gives no reason
 }
 
 }  // namespace huetrack::pictures
