@@ -15,9 +15,10 @@ namespace {
 class OwnTempFolder {
  public:
   OwnTempFolder() {
-    std::string folder = (std::filesystem::temp_directory_path() / "huetrack_test_XXXXXX").string();
+    std::string folder = (std::filesystem::temp_directory_path() / "huetrack_XXXXXX").string();
     if (mkdtemp(folder.data()) == nullptr)
       throw std::system_error(errno, std::generic_category(), "the tests' folder " + folder);
+    std::filesystem::permissions(folder, std::filesystem::perms(0755));  // some tests act as another user
     setenv("TEST_TMPDIR", (folder + "/").c_str(), 1);
     folder_ = folder;
   }

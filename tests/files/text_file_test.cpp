@@ -45,7 +45,7 @@ TEST(TextFile, RejectsDevicesPipesAndFolders) {
 }
 
 TEST(TextFile, NamesFilesThatMayBeMeant) {
-  const fs::path folder = fs::path(testing::TempDir()) / ("beside_" + std::to_string(::getpid()));
+  const fs::path folder = fs::path(testing::TempDir()) / "files";
   fs::create_directories(folder / "sub");
   EXPECT_EQ(files_beside(folder / "recording.yaml"), "");  // only a folder
   EXPECT_EQ(files_beside(folder / "subs"), "; in that folder is sub/");
