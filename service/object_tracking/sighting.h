@@ -96,7 +96,6 @@ struct SightingTuning {
   std::size_t max_regions = 8;     // per view, the largest ones, that may be the object searched for
   std::size_t max_crossings = 4;   // candidates kept per frame set and possible object
   double same_place_px = 1;        // px, motion after which a region lies on other pixels
-  double still_px = 2;             // px, a region that moved less stands still
   double same_time_s = 0.002;      // s, moments this near to each other are one
   double behind_px = 50;           // px, residual of rays that meet behind a camera
   double covered_radii = 1.1;      // radii around an object in which nothing is learnt
@@ -106,6 +105,9 @@ struct SightingTuning {
   double region_size_sigma = 0.2;  // of the log of a region's radius: dark edges do not match (experiment)
   double size_memory = 300;        // frames in the mean of a size: 10 s at 30 fps
   double alone_share = 1.4;        // share of the expected area up to which it is one object alone: its edge is blurred
+
+  // px, a region that moved less stands still: each of the two may be as far off as regions of one place are.
+  constexpr double still_px() const { return 2 * same_place_px; }
 };
 inline constexpr SightingTuning sighting_tuning{};
 

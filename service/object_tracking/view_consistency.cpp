@@ -18,7 +18,7 @@ struct ViewConsistencyTuning {
 constexpr ViewConsistencyTuning view_consistency{};
 
 double still_px(double radius_px) {
-  return std::max(sighting_tuning.still_px, sighting_tuning.misfit_share * radius_px);
+  return std::max(sighting_tuning.still_px(), sighting_tuning.misfit_share * radius_px);
 }
 
 }  // namespace

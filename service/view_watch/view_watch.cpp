@@ -510,7 +510,7 @@ void ViewWatch::forget_clutter(const object_tracking::ObjectEstimate& estimate, 
 bool ViewWatch::is_still(PerCamera& camera, const Eigen::Vector2d& px, double now_s) const {
   std::erase_if(camera.spots, [&](const PerCamera::Spot& spot) { return spot.last_s < now_s - period_s; });
   for (PerCamera::Spot& spot : camera.spots) {
-    if ((spot.px - px).norm() > object_tracking::sighting_tuning.still_px) continue;
+    if ((spot.px - px).norm() > object_tracking::sighting_tuning.still_px()) continue;
     spot.last_s = now_s;
     return now_s - spot.first_s > 2 * period_s;
   }

@@ -14,7 +14,7 @@ constexpr std::size_t sets_of_a_start = 2;  // maths: fewer fix no position and 
 
 bool are_times_open(std::span<const Sighting> sightings, const MotionState& motion) {
   return std::ranges::any_of(sightings, [&](const Sighting& s) {
-    return motion.row_sigma_s(s.row.camera, s.row.below_middle) > timing_tuning.open_time_s;
+    return motion.row_sigma_s(s.row.camera, s.row.below_middle) > sighting_tuning.same_time_s;
   });
 }
 

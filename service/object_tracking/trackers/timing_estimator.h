@@ -17,14 +17,14 @@ namespace huetrack::object_trackers {
 
 struct TimingEstimatorTuning {
   double at_rest_m_s = 0.3;     // slower, timing hardly matters: 6 mm at 20 ms
-  double open_time_s = 2e-3;    // 1 sigma; at usual speeds, some m/s, as many mm as all else leaves open
   std::size_t most_sets = 300;  // ten seconds at 30 sets a second; a pass over them takes some 10 ms
   int passes = 3;               // of the iterated filter (experiment)
   int sets_until_again = 75;    // moving ones after which it is linearised again
 };
 inline constexpr TimingEstimatorTuning timing_tuning{};
 
-// The time of some of these rows is so uncertain that a moving object is not localised.
+// The time of some of these rows is so uncertain (1 sigma over `same_time_s`: at some m/s, as many mm as all else leaves
+// open) that a moving object is not localised.
 bool are_times_open(std::span<const object_tracking::Sighting> sightings, const object_tracking::MotionState& motion);
 
 // thread-compatible.
