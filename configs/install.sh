@@ -14,7 +14,7 @@ build=build/install
 # shellcheck disable=SC2086,SC2154
 install_missing $packages_build dpkg-dev
 mkdir -p build
-echo "== compiling: 9 to 13 minutes of CPU time, so 5 to 7 minutes on two idle cores"
+echo "== compiling: 9 to 11 minutes of CPU time, so 5 to 6 minutes on two idle cores"
 build_huetrack "$build" "-DCMAKE_BUILD_TYPE=Release -DHUETRACK_TESTS=OFF -DHUETRACK_WERROR=OFF" huetrackd huetrack huetrack-calibrate package_documents
 if [ -n "${to:-}" ]; then
   cmake --install "$build" --prefix "$to" --strip >/dev/null
