@@ -111,7 +111,6 @@ ExitStatus wave(const WaveCommand& o, const std::stop_token& stop) {
   const WavedInput in = input_of(o);
   const auto note = [&](wave::WaveResult& result, const report::WaveReport& report) {
     if (gather::ProgressLine::is_machine_readable()) send_ball(result);
-    const double expected_m = result.expected_in_volume_m.value_or(result.expected_m);
     result.rig.made = {.at = utc_now(), .temperature_c = o.temperature_c, .checks = {}};
     result.rig.made_by = {{"tool", "huetrack-calibrate " HUETRACK_VERSION " wave"},
                           {"input", o.live_s > 0 ? "live" : o.recording},
@@ -119,7 +118,8 @@ ExitStatus wave(const WaveCommand& o, const std::stop_token& stop) {
                           {"verdict", std::string(report::name(report.verdict))},
                           {"scale_from", report.scale_from},
                           {"rms_px", fmt::format("{:.3f}", result.rms_px)},
-                          {"expected_error_mm", fmt::format("{:.2f}", 1e3 * expected_m)}};
+                          {"expected_error_mm", fmt::format("{:.1f}", 1e3 * report::expected_error_m(result))}};
+    if (!report.doubts.empty()) result.rig.made_by.emplace_back("doubt", report.doubts.front());
   };
   return calibrate_and_write(o, in, wave_options(o, in), stop, note);
 }

@@ -83,10 +83,10 @@ void doubt_scale(WaveReport& report, const WaveResult& result, Reader reader) {
                                         report.scale_from, 1e2 * result.scale.sigma, scale_advice(result, reader)));
   }
   if (is_measured && !result.guessed_radius && (result.size_ratio < small_ball || result.size_ratio > large_ball)) {
-    report.doubts.push_back(
-        fmt::format("at this scale the ball appears {:.2f} times as large as its radius of {:.1f} mm: is the radius, "
-                    "or the measured distance, wrong?",
-                    result.size_ratio, 1e3 * result.radius_m));
+    report.doubts.push_back(fmt::format(
+        "at this scale the ball appears {:.2f} times as large as its radius of {:.1f} mm says: is the radius, "
+        "or the measured distance, wrong?",
+        result.size_ratio, 1e3 * result.radius_m));
   }
 }
 
@@ -125,11 +125,11 @@ void doubt_measured(WaveReport& report, const WaveResult& result) {
   constexpr double least_off = 0.05, sigmas = 3;
   const WaveScale& scale = result.scale;
   if (std::abs(scale.over_rig - 1) <= std::max(least_off, sigmas * std::hypot(scale.rig_sigma, scale.sigma))) return;
-  report.doubts.push_back(
-      fmt::format("{} makes everything {:.2f} times as large as in the rig, whose poses give the scale to {:.1f} %, "
-                  "and the ball {:.2f} times as large as its radius: was it measured from lens to lens, in metres? If "
-                  "the rig's scale was only a guess, this one is right: accept it",
-                  report.scale_from, scale.over_rig, 1e2 * scale.rig_sigma, result.size_ratio));
+  report.doubts.push_back(fmt::format(
+      "{} makes everything {:.2f} times as large as in the rig, whose poses give the scale to {:.1f} %, "
+      "and the ball {:.2f} times as large as its radius says: was it measured from lens to lens, in metres? If "
+      "the rig's scale was only a guess, this one is right: accept it",
+      report.scale_from, scale.over_rig, 1e2 * scale.rig_sigma, result.size_ratio));
 }
 
 void doubt_camera(WaveReport& report, const WaveResult& result, const WaveCamera& camera, const std::string& name) {
@@ -247,18 +247,26 @@ void doubt_times(WaveReport& report, const WaveResult& result) {
   }
 }
 
+// Waving does not mend the scale, whose part has its own limit.
+bool is_error_large(const WaveResult& result) {
+  return result.expected_in_volume_m.value_or(result.expected_m) > large_error * result.camera_distance_m;
+}
+
+std::string large_error_text(const WaveResult& result) {
+  return fmt::format(
+      "the expected error of positions is {:.1f} mm, {:.1f} mm without the scale's part, above the limit of {:.1f} mm, "
+      "{:g} % of the cameras' distance: wave for longer, and through more of the volume",
+      1e3 * expected_error_m(result), 1e3 * result.expected_in_volume_m.value_or(result.expected_m),
+      1e3 * large_error * result.camera_distance_m, 1e2 * large_error);
+}
+
 void doubt_positions(WaveReport& report, const WaveResult& result) {
   if (result.rms_px > large_rms_px) {
     report.doubts.push_back(fmt::format("the ball has an rms error of {:.1f} px: {}", result.rms_px,
                                         is_held(result) ? "by what hides it, or wrong lenses or times"
                                                         : "the lenses, the cameras' times or the colour are wrong"));
   }
-  const double expected_m = result.expected_in_volume_m.value_or(result.expected_m);
-  if (expected_m > large_error * result.camera_distance_m) {
-    report.doubts.push_back(
-        fmt::format("the expected error of positions is {:.0f} mm: wave for longer, and through more of the volume",
-                    1e3 * expected_m));
-  }
+  if (is_error_large(result)) report.doubts.push_back(large_error_text(result));
   if (result.halves_m > large_difference * result.camera_distance_m &&
       result.halves_m > unexpected_difference * result.halves_sigma_m) {
     report.doubts.push_back(fmt::format(
@@ -356,7 +364,7 @@ void add_positions(Document& document, const WaveReport& report, const WaveResul
   document.paragraph(fmt::format("the two halves of the recording differ by {:.1f} mm there; {:.1f} mm is expected",
                                  1e3 * result.halves_m, 1e3 * result.halves_sigma_m));
   document.paragraph(
-      fmt::format("scale: from {}; accurate to {:.2f} %; the ball appears {:.2f} times as large as its radius",
+      fmt::format("scale: from {}; accurate to {:.2f} %; the ball appears {:.2f} times as large as its radius says",
                   report.scale_from, 1e2 * result.scale.sigma, result.size_ratio));
   document.table(scale_table(result));
 }
@@ -403,17 +411,25 @@ Table times_table(const WaveResult& result) {
   return table;
 }
 
+// with_error: and the error of positions, which no doubt states.
+std::string figures_text(const WaveResult& result, bool with_error) {
+  const std::string rms = fmt::format("the rms error of the ball is {:.2f} px", result.rms_px);
+  if (result.held_poses || !with_error) return rms;
+  return fmt::format("the expected error of positions is {:.1f} mm, {}", 1e3 * expected_error_m(result), rms);
+}
+
 }  // namespace
 
+double expected_error_m(const WaveResult& result) {
+  return result.expected_in_volume_m ? std::hypot(*result.expected_in_volume_m, result.by_scale_in_volume_m)
+                                     : std::hypot(result.expected_m, result.by_scale_m);
+}
+
 std::string summary(const WaveReport& report, const WaveResult& result) {
-  std::string text = fmt::format("the rms error of the ball is {:.2f} px", result.rms_px);
-  if (!result.held_poses) {
-    const double error_m = result.expected_in_volume_m.value_or(result.expected_m);
-    const double by_scale_m = result.expected_in_volume_m ? result.by_scale_in_volume_m : result.by_scale_m;
-    text = fmt::format("the expected error of positions is {:.1f} mm, {}", 1e3 * std::hypot(error_m, by_scale_m), text);
-  }
-  if (!report.doubts.empty()) text += "; " + report.doubts.front();
-  return text;
+  if (report.doubts.empty()) return figures_text(result, true);
+  const std::string& doubt = report.doubts.front();
+  const bool says_error = is_error_large(result) && doubt == large_error_text(result);
+  return figures_text(result, !says_error) + "; " + doubt;
 }
 
 Document document_of(const WaveReport& report, const WaveResult& result) {
@@ -422,7 +438,8 @@ Document document_of(const WaveReport& report, const WaveResult& result) {
   document.subtitle =
       fmt::format("{:.1f} s of waving through {:.2f} x {:.2f} x {:.2f} m, jerks of {:.0f} m/s^3", result.duration_s,
                   result.extent_m.x(), result.extent_m.y(), result.extent_m.z(), result.jerk_m_s3);
-  document.banner(report.verdict, report.verdict == Verdict::usable ? "USABLE" : "DOUBTFUL", summary(report, result));
+  document.banner(report.verdict, report.verdict == Verdict::usable ? "USABLE" : "DOUBTFUL",
+                  figures_text(result, !is_error_large(result)));  // the doubts follow
   for (const auto& doubt : report.doubts) document.paragraph("? " + doubt + ".");
   document.heading("Cameras");
   document.table(cameras_table(result));

@@ -19,8 +19,11 @@ struct WaveReport {
 
 WaveReport report_on(const wave::WaveResult& result, Reader reader = Reader::terminal);
 
+// Of positions, with the scale's part, in metres rms: in the configured volume, otherwise where the ball was.
+double expected_error_m(const wave::WaveResult& result);
+
 std::string to_text(const WaveReport& report, const wave::WaveResult& result);
-// One clause: the expected error of positions, and the first doubt.
+// One clause: the expected error of positions, once, and the first doubt.
 std::string summary(const WaveReport& report, const wave::WaveResult& result);
 Document document_of(const WaveReport& report, const wave::WaveResult& result);
 

@@ -266,6 +266,12 @@ double rig_width_m(const calib::CameraRig& rig) {
   return widest_m;
 }
 
+// One of the entries of its calibration; empty: there is none.
+std::string made_by(const calib::CameraRig& rig, std::string_view key) {
+  const auto entry = std::ranges::find(rig.made_by, key, &std::pair<std::string, std::string>::first);
+  return entry == rig.made_by.end() ? "" : entry->second;
+}
+
 // Evidence against the rig in its own file; empty: none.
 std::string rig_warning(const calib::CameraRig& rig) {
   using namespace std::chrono;
@@ -276,6 +282,13 @@ std::string rig_warning(const calib::CameraRig& rig) {
   if (!made.checks.empty() && made.checks.back().verdict != "usable" &&
       made.checks.back().verdict != calib::mended_verdict)
     return "the rig was found " + made.checks.back().verdict + " when it was last checked: " + made.text(now);
+  if (const std::string verdict = made_by(rig, "verdict");
+      made.checks.empty() && !verdict.empty() && verdict != "usable") {
+    const std::string error_mm = made_by(rig, "expected_error_mm"), doubt = made_by(rig, "doubt");
+    return fmt::format("the rig was {} when it was calibrated{}: {}", verdict,
+                       error_mm.empty() ? "" : ", with an expected error of positions of " + error_mm + " mm",
+                       doubt.empty() ? "calibrate as that report advises" : doubt);
+  }
   const auto seen = made.checks.empty() ? made.at : std::optional(made.checks.back().at);
   if (seen && now - *seen > old)
     return "the rig has not been checked for long: " + made.text(now) + "; check it with huetrack-calibrate check";

@@ -585,6 +585,26 @@ TEST_F(ServiceConfigFile, WarnsOfWhatIsProbablyNotMeant) {
   EXPECT_THAT(warnings_of(far), ElementsAre(HasSubstr("of the volume is seen by two or more cameras")));
 }
 
+TEST_F(ServiceConfigFile, WarnsOfARigThatWasDoubtfulWhenItWasMade) {
+  const auto warnings_with = [&](std::vector<std::pair<std::string, std::string>> made_by,
+                                 std::vector<calib::RigCheckNote> checks) {
+    calib::CameraRig rig = calib::read_rig(folder_ / "rig.yaml");
+    rig.made_by = std::move(made_by);
+    rig.made.checks = std::move(checks);
+    calib::write_rig(rig, folder_ / "made.yaml");
+    return warnings_of(
+        load("version: 1\nrig: made.yaml\ntargets: {b: {radius_m: 0.04, color: {hue_deg: [65, 115]}}}\n"));
+  };
+  EXPECT_THAT(warnings_with({{"verdict", "usable"}, {"expected_error_mm", "3.1"}}, {}), IsEmpty());
+  EXPECT_THAT(warnings_with({{"verdict", "doubtful"}, {"expected_error_mm", "85.3"}, {"doubt", "throw the ball"}}, {}),
+              ElementsAre("the rig was doubtful when it was calibrated, with an expected error of positions of 85.3 "
+                          "mm: throw the ball"));
+  EXPECT_THAT(warnings_with({{"verdict", "doubtful"}}, {}),
+              ElementsAre(HasSubstr("when it was calibrated: calibrate as that report advises")));
+  const auto now = std::chrono::floor<std::chrono::seconds>(std::chrono::system_clock::now());
+  EXPECT_THAT(warnings_with({{"verdict", "doubtful"}}, {{now, "usable", ""}}), IsEmpty());
+}
+
 // It is an assumption, until it is taught.
 TEST_F(ServiceConfigFile, WarnsOfARadiusThatNobodyGave) {
   const ServiceConfig unset = load(head + "targets: {a: {color: {hue_deg: [80, 160]}}}\n");

@@ -331,6 +331,26 @@ TEST(Wave, FindsTimesWithThePosesHeld) {
               finds(Fault::wrong_poses, HasSubstr("agree with the poses that the rig has")));
 }
 
+TEST(Wave, ALargeErrorIsSaidOnceWithItsLimit) {
+  const calib::CameraRig truth = rig_of(3);
+  WaveResult r = calibrate_wave(truth, waved(truth, {.times = webcam_times}), taped(truth));
+  r.camera_distance_m = 2;
+  r.expected_m = 0.008;
+  r.by_scale_m = 0.006;
+  r.expected_in_volume_m.reset();
+  const report::WaveReport report = report::report_on(r);
+  ASSERT_EQ(report.doubts.size(), 1u) << report::to_text(report, r);
+  EXPECT_THAT(report.doubts[0], HasSubstr("positions is 10.0 mm, 8.0 mm without the scale's part, above the limit of "
+                                          "6.0 mm, 0.3 % of the cameras' distance: wave for longer"));
+  const auto times_in = [](const std::string& text) {
+    int count = 0;
+    for (auto at = text.find("is 10.0 mm"); at != std::string::npos; at = text.find("is 10.0 mm", at + 1)) ++count;
+    return count;
+  };
+  EXPECT_EQ(times_in(report::summary(report, r)), 1);
+  EXPECT_EQ(times_in(report::to_text(report, r)), 1);
+}
+
 struct TimeFault {
   const char* what;
   std::function<void(std::vector<BallFrame>&)> put;  // in camera 1
