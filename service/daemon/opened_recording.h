@@ -1,6 +1,7 @@
 // A recording, opened for a session: played, paused, sought and looped.
 #pragma once
 
+#include <atomic>
 #include <memory>
 #include <optional>
 
@@ -21,6 +22,8 @@ struct OpenedRecording {
   capture::Timestamp first_at = {};  // of the first frame of all cameras
   std::shared_ptr<recordings::ReplaySource*> pass = nullptr;
   PlayedSource* played = nullptr;  // null: cannot be paused
+  // The files contradict the recording's times; each contradiction is logged when it is found.
+  std::shared_ptr<std::atomic<bool>> are_times_contradicted = std::make_shared<std::atomic<bool>>(false);
 
   // Of the current pass; not while the session runs.
   recordings::ReplaySource& source() const { return **pass; }

@@ -80,7 +80,12 @@ class Stream {
  public:
   Stream(int camera_index, const RecordedCamera& camera, const std::filesystem::path& recording_file,
          const capture::FrameTiming& timing, const ReplayOptions& options, std::vector<std::string>& warnings)
-      : camera_index_(camera_index), camera_(camera), timing_(timing), selection_(camera_), warnings_(warnings) {
+      : camera_index_(camera_index),
+        camera_(camera),
+        timing_(timing),
+        selection_(camera_),
+        warnings_(warnings),
+        on_contradicted_times_(options.on_contradicted_times) {
     info_.name = camera_.name;
     info_.file = camera_.frames;
     if (delivered_nothing()) {  // the file need not exist
@@ -384,7 +389,12 @@ class Stream {
 
   void report_contradictions() {
     if (!stated_times_) return;
-    for (std::string& problem : stated_times_->take_problems()) contradict(std::move(problem));
+    for (std::string& problem : stated_times_->take_problems()) {
+      contradict(std::move(problem));
+      if (!on_contradicted_times_) continue;
+      warnings_.pop_back();
+      on_contradicted_times_(mistakes_.back());
+    }
   }
 
   // A table of another program or a person, for a film or pictures: our own cannot contradict its file.
@@ -601,6 +611,7 @@ class Stream {
   capture::CameraClock clock_;
   FrameSelection selection_;  // of camera_
   std::vector<std::string>& warnings_;
+  std::function<void(const std::string&)> on_contradicted_times_;
   std::unique_ptr<PictureStream> reader_;  // of camera_; none when it delivered nothing
   std::optional<capture::Frame> picture_;  // read ahead
   std::size_t next_corrupted_ = 0;         // row of camera_.corrupted

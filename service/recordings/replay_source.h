@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -18,6 +19,9 @@ struct ReplayOptions {
   std::vector<capture::FrameTiming> timing = {};  // one entry per camera_names; empty: unknown
   bool keeps_encoded = false;                     // JPEGs keep their own bytes (Frame::encoded), as a live camera's do
   bool takes_matches = false;  // accept frames with matches and no pixels (Frame::matches); false: refuse such cameras
+  // Called for each contradiction of the recording's times and its files that the frames show, as they are read: it is
+  // then among the mistakes, but not among the warnings.
+  std::function<void(const std::string&)> on_contradicted_times = {};
   std::vector<std::string> problems() const;
 };
 

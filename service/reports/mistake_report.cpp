@@ -10,8 +10,12 @@
 
 namespace huetrack::reports {
 
-MistakeReport::MistakeReport(const config::ServiceConfig& config, bool is_recorded)
-    : is_recorded_(is_recorded), cameras_(config.rig.camera_names()), targets_(config.targets) {}
+MistakeReport::MistakeReport(const config::ServiceConfig& config, bool is_recorded,
+                             std::function<bool()> are_times_in_doubt)
+    : is_recorded_(is_recorded),
+      are_times_in_doubt_(std::move(are_times_in_doubt)),
+      cameras_(config.rig.camera_names()),
+      targets_(config.targets) {}
 
 void MistakeReport::on_set(const pipeline::TrackedSet& set) {
   if (!first_at_) first_at_ = set.frames.at;
@@ -19,7 +23,9 @@ void MistakeReport::on_set(const pipeline::TrackedSet& set) {
   const std::scoped_lock lock(mutex_);
   const double now_s = capture::seconds(set.frames.at - *first_at_);
   std::vector<std::string> now, kinds;
-  std::vector<bool> are_radii;
+  std::vector<std::pair<std::size_t, view_watch::Mistake>> named_now;  // target, mistake
+  const bool are_times_in_doubt = do_name_times(set);
+  were_times_in_doubt_ = were_times_in_doubt_ || are_times_in_doubt;
   for (const auto& of_target : set.mistakes)
     if (std::ranges::any_of(of_target, view_watch::is_of_rig, &view_watch::Mistake::kind)) has_rig_mistake_ = true;
   if (std::ranges::any_of(set.calibration, [](const auto& camera) { return camera.moved && !camera.is_mended; }))
@@ -32,12 +38,13 @@ void MistakeReport::on_set(const pipeline::TrackedSet& set) {
       const auto known = ever_.find(kind);
       const bool is_radius = mistake.kind == view_watch::MistakeKind::radius;
       if (is_radius && (has_rig_mistake_ || (has_moved_ && known == ever_.end()))) continue;
-      are_radii.push_back(is_radius);
       view_watch::Mistake named = mistake;
       if (mistake.kind == view_watch::MistakeKind::late && !mistake.cameras.empty())
         named.shown_hz = frames_per_second(std::size_t(mistake.cameras.front()));
-      now.push_back(is_radius && has_moved_ ? known->second.sentence
-                                            : mistake_text(named, targets_[t], cameras_, is_recorded_));
+      now.push_back(is_radius && has_moved_
+                        ? known->second.sentence
+                        : mistake_text(named, targets_[t], cameras_, is_recorded_, are_times_in_doubt));
+      named_now.emplace_back(t, std::move(named));
       kinds.push_back(std::move(kind));
     }
   }
@@ -45,14 +52,28 @@ void MistakeReport::on_set(const pipeline::TrackedSet& set) {
   for (std::size_t i = 0; i < now.size(); ++i) {
     const std::string &sentence = now[i], &kind = kinds[i];
     if (const auto known = ever_.find(kind); known != ever_.end()) {
-      known->second.sentence = sentence;
+      known->second.sentence = sentence, known->second.mistake = named_now[i].second;
       continue;
     }
     spdlog::warn("{}", sentence);
-    ever_.emplace(kind, Named{now_s, sentence, are_radii[i]});
+    ever_.emplace(kind, Named{now_s, sentence, named_now[i].second, named_now[i].first});
     order_.push_back(kind);
   }
   warnings_ = std::move(now);
+}
+
+bool MistakeReport::do_name_times(const pipeline::TrackedSet& set) const {
+  const auto is_of_times = [](const view_watch::Mistake& mistake) {
+    using enum view_watch::MistakeKind;
+    return mistake.kind == late || mistake.kind == uneven_times || mistake.kind == delayed ||
+           mistake.kind == converted || mistake.kind == exchanged;
+  };
+  bool is_any = false;
+  for (const auto& of_target : set.mistakes) {
+    if (std::ranges::any_of(of_target, is_of_times)) return true;
+    is_any = is_any || !of_target.empty();
+  }
+  return is_any && are_times_in_doubt_ && are_times_in_doubt_();
 }
 
 void MistakeReport::note_frames(const capture::FrameSet& frames) {
@@ -87,8 +108,12 @@ std::vector<std::string> MistakeReport::summary() const {
   std::vector<std::string> all;
   for (const std::string& kind : order_) {
     const Named& named = ever_.at(kind);
-    if (named.is_radius && has_rig_mistake_) continue;
-    all.push_back(fmt::format("from {:.1f} s on: {}", named.at_s, named.sentence));
+    if (named.is_radius() && has_rig_mistake_) continue;
+    // What was said before wrong times were found is corrected.
+    const std::string sentence = were_times_in_doubt_ && !named.is_radius()
+                                     ? mistake_text(named.mistake, targets_[named.target], cameras_, is_recorded_, true)
+                                     : named.sentence;
+    all.push_back(fmt::format("from {:.1f} s on: {}", named.at_s, sentence));
   }
   return all;
 }

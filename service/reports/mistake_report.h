@@ -3,6 +3,7 @@
 #pragma once
 
 #include <atomic>
+#include <functional>
 #include <map>
 #include <mutex>
 #include <optional>
@@ -16,7 +17,8 @@ namespace huetrack::reports {
 class MistakeReport final : public pipeline::Output {
  public:
   // is_recorded: the advice is about files and videos; otherwise about cameras
-  MistakeReport(const config::ServiceConfig& config, bool is_recorded);
+  // are_times_in_doubt: something else warns of time stamps that are wrong or unknown; called by on_set(). {}: nothing
+  MistakeReport(const config::ServiceConfig& config, bool is_recorded, std::function<bool()> are_times_in_doubt = {});
 
   void on_set(const pipeline::TrackedSet& set) override;
   void on_config(const config::ServiceConfig& config) noexcept override;
@@ -34,22 +36,27 @@ class MistakeReport final : public pipeline::Output {
   struct Named {
     double at_s;
     std::string sentence;  // the latest
-    bool is_radius = false;
+    view_watch::Mistake mistake;
+    std::size_t target = 0;
+    bool is_radius() const { return mistake.kind == view_watch::MistakeKind::radius; }
   };
 
   struct Span {                         // of a camera's frames
     std::uint32_t first = 0, last = 0;  // numbers
     capture::Timestamp first_at{}, last_at{};
   };
+  bool do_name_times(const pipeline::TrackedSet& set) const;  // the mistakes of the set: wrong time stamps
   void note_frames(const capture::FrameSet& frames);
   double frames_per_second(std::size_t camera) const;  // 0: unknown
 
   const bool is_recorded_;
+  const std::function<bool()> are_times_in_doubt_;
   std::vector<Span> spans_;  // the tracking thread's
   std::vector<std::string> cameras_;
   std::optional<capture::Timestamp> first_at_;  // the tracking thread's
   std::map<std::string, Named> ever_;           // guarded by mutex_; by target, kind and cameras
   bool has_explained_rig_ = false;
+  bool were_times_in_doubt_ = false;  // guarded by mutex_
   std::atomic<bool> has_rig_mistake_ = false;
   std::atomic<bool> has_moved_ = false;  // a camera, since a known moment: what was measured before holds
   std::vector<std::string> order_;       // the tracking thread's; keys of ever_ in order of appearance

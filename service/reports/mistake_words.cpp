@@ -29,7 +29,7 @@ std::string even_times_advice(bool is_recorded) {
 }  // namespace
 
 std::string mistake_text(const view_watch::Mistake& mistake, const object_tracking::TargetOptions& target,
-                         const std::vector<std::string>& cameras, bool is_recorded) {
+                         const std::vector<std::string>& cameras, bool is_recorded, bool are_times_in_doubt) {
   using view_watch::MistakeKind;
   std::vector<std::string> names;
   for (const int c : mistake.cameras) names.push_back(cameras.at(std::size_t(c)));
@@ -39,6 +39,10 @@ std::string mistake_text(const view_watch::Mistake& mistake, const object_tracki
                                     ? fmt::format("{} disagree by {:.0f} px", which, mistake.off_px)
                                     : fmt::format("{} disagrees with the others by {:.0f} px", which, mistake.off_px);
   const std::string it = is_either ? "one of them" : "it";
+  const auto unless_by_times = [&](const char* advice) {
+    return are_times_in_doubt ? "first correct the time stamps, as the other warnings say" : advice;
+  };
+  const char* const latency = is_recorded ? "timing.latency_s" : "latency_offset_s";  // a live camera's key
   switch (mistake.kind) {
     case MistakeKind::swapped:
       return fmt::format(
@@ -54,12 +58,12 @@ std::string mistake_text(const view_watch::Mistake& mistake, const object_tracki
       if (mistake.off_px == 0)
         return fmt::format(
             "{} is about {:.2f} s {}, as the motion of {} shows; the tracker compensates for it: correct the time "
-            "stamps or timing.latency_s{}",
+            "stamps or {}{}",
             is_either ? "one of " + which : which, std::abs(mistake.size),
-            is_either || mistake.size > 0 ? "late" : "early", target.name, row);
+            is_either || mistake.size > 0 ? "late" : "early", target.name, latency, row);
       return fmt::format(
-          "{}, and by more the faster {} moves: {} is about {:.2f} s {}: correct its time stamps or timing.latency_s{}",
-          disagrees, target.name, it, std::abs(mistake.size), mistake.size > 0 ? "late" : "early", row);
+          "{}, and by more the faster {} moves: {} is about {:.2f} s {}: correct its time stamps or {}{}", disagrees,
+          target.name, it, std::abs(mistake.size), mistake.size > 0 ? "late" : "early", latency, row);
     }
     case MistakeKind::uneven_times:
       return fmt::format(
@@ -69,15 +73,15 @@ std::string mistake_text(const view_watch::Mistake& mistake, const object_tracki
           is_recorded ? "videos did not start together, " : "", even_times_advice(is_recorded));
     case MistakeKind::turned:
       return fmt::format(
-          "{} wherever {} is: {} looks turned by {:.1f} degrees since it was calibrated{}: fasten it and calibrate "
-          "again",
-          disagrees, target.name, it, mistake.size * 180 / std::numbers::pi,
-          mistake.zoom == 1 ? "" : fmt::format(", or its focal length is {:.2f} times the rig's (zoom)", mistake.zoom));
+          "{} wherever {} is: {} looks turned by {:.1f} degrees since it was calibrated{}: {}", disagrees, target.name,
+          it, mistake.size * 180 / std::numbers::pi,
+          mistake.zoom == 1 ? "" : fmt::format(", or its focal length is {:.2f} times the rig's (zoom)", mistake.zoom),
+          unless_by_times("fasten it and calibrate again"));
     case MistakeKind::zoomed:
       return fmt::format(
           "{}, and by more the farther {} is from the image centre: its focal length looks {:.2f} times the rig's "
-          "(zoom, focus, another lens or crop): restore it, or calibrate it again",
-          disagrees, target.name, mistake.size);
+          "(zoom, focus, another lens or crop): {}",
+          disagrees, target.name, mistake.size, unless_by_times("restore it, or calibrate it again"));
     case MistakeKind::mirrored:
       if (is_either)
         return fmt::format(
@@ -99,14 +103,15 @@ std::string mistake_text(const view_watch::Mistake& mistake, const object_tracki
     case MistakeKind::other_rig:
       return fmt::format(
           "no two cameras agree on the position of {}, their views are {:.0f} px apart: the rig looks like that of "
-          "another room or of other cameras, or the times are far apart: give the right rig, or offset_s, or calibrate "
-          "again",
-          target.name, mistake.off_px);
+          "another room or of other cameras, or the times are far apart: {}",
+          target.name, mistake.off_px, unless_by_times("give the right rig, or offset_s, or calibrate again"));
     case MistakeKind::contradiction:
       return fmt::format(
-          "the views of {} are up to {:.0f} px apart, and which camera is wrong cannot be determined: the rig does not "
-          "fit the cameras, and errors may exceed the covariance where few cameras see it: calibrate again",
-          target.name, mistake.off_px);
+          "the views of {} are up to {:.0f} px apart, and which camera is wrong cannot be determined: {}, and "
+          "errors may exceed the covariance where few cameras see it: {}",
+          target.name, mistake.off_px,
+          are_times_in_doubt ? "time stamps are in doubt" : "the rig does not fit the cameras",
+          unless_by_times("calibrate again"));
     case MistakeKind::wrong_order:
       return fmt::format(
           "{} jumps by up to {:.1f} m from one frame set to the next in all views at once, {} times within seconds, "

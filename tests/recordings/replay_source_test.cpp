@@ -32,7 +32,9 @@ class Replay : public testing::Test {
     capture::write_text(folder / "recording.yaml", "version: 1\ncameras:\n" + cameras);
     return ReplaySource(read_recording(folder.path()), names, options);
   }
-  ReplaySource open(const std::string& camera) { return open("  cam: {" + camera + "}\n", {"cam"}); }
+  ReplaySource open(const std::string& camera, ReplayOptions options = {}) {
+    return open("  cam: {" + camera + "}\n", std::vector<std::string>{"cam"}, std::move(options));
+  }
   std::string error_of(const std::string& cameras, const std::vector<std::string>& names) {
     try {
       open(cameras, names);
@@ -89,6 +91,13 @@ TEST_F(Replay, WarnsOfAFrameRateThatDiffersFromTheFiles) {
                                        HasSubstr("add trust_times: true"), HasSubstr("camera cam")));
   EXPECT_THAT(source.take_warnings(), named);
   EXPECT_THAT(source.mistakes(), named);
+  std::vector<std::string> at_once;
+  auto heard = open("frames: a.avi, fps: 28",
+                    {.on_contradicted_times = [&](const std::string& text) { at_once.push_back(text); }});
+  read_all(heard);
+  EXPECT_THAT(at_once, named);
+  EXPECT_THAT(heard.take_warnings(), IsEmpty());
+  EXPECT_THAT(heard.mistakes(), named);
   auto confirmed = open("frames: a.avi, fps: 28, trust_times: true");
   EXPECT_EQ(read_all(confirmed).size(), 8u);
   EXPECT_THAT(confirmed.take_warnings(), IsEmpty());

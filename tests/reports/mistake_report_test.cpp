@@ -8,8 +8,10 @@
 namespace huetrack::reports {
 namespace {
 
+using testing::AllOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
+using testing::Not;
 using view_watch::Mistake;
 using view_watch::MistakeKind;
 
@@ -81,6 +83,31 @@ TEST_F(MistakeReportOfLime, SaysNothingOfTheRadiusWhereTheViewsContradictOneAnot
   EXPECT_THAT(report.warnings(), ElementsAre(HasSubstr("which camera is wrong cannot be determined")));
   EXPECT_THAT(report.summary(), ElementsAre(HasSubstr("which camera is wrong cannot be determined")));
   EXPECT_TRUE(report.do_views_contradict());
+}
+
+// Time stamps that are wrong explain views that contradict one another: the rig is not blamed.
+TEST_F(MistakeReportOfLime, DoesNotAdviseToCalibrateWhereTimesAreInDoubt) {
+  const Mistake contradiction{.kind = MistakeKind::contradiction, .off_px = 20};
+  const auto by_times = AllOf(HasSubstr("time stamps are in doubt"), Not(HasSubstr("calibrate")));
+  see(0, {contradiction});
+  EXPECT_THAT(report.warnings(), ElementsAre(HasSubstr("calibrate again")));
+  see(1, {contradiction, {.kind = MistakeKind::uneven_times, .cameras = {1}, .size = 0.2}});
+  EXPECT_THAT(report.warnings(), ElementsAre(by_times, HasSubstr("the time stamps of")));
+  EXPECT_THAT(report.summary(), ElementsAre(by_times, HasSubstr("the time stamps of")));
+  see(2, {contradiction});
+  EXPECT_THAT(report.warnings(), ElementsAre(HasSubstr("calibrate again")));
+
+  MistakeReport unknown{config, false, [] { return true; }};
+  capture::FrameSet frames;
+  const std::vector<std::vector<Mistake>> of_targets{
+      {contradiction, {.kind = MistakeKind::turned, .cameras = {1}, .size = 0.02}}};
+  unknown.on_set({.frames = frames,
+                  .estimates = {},
+                  .received_at = {},
+                  .trackers = {},
+                  .calibration = {},
+                  .mistakes = of_targets});
+  EXPECT_THAT(unknown.warnings(), ElementsAre(by_times, HasSubstr("first correct the time stamps")));
 }
 
 // Before a camera's move is mended, its views are inconsistent by what is known already.

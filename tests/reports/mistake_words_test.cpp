@@ -46,6 +46,8 @@ TEST(MistakeWords, NameCameraSizeAndRemedy) {
               HasSubstr("right is about 0.10 s late, as the motion of orange shows"));
   EXPECT_THAT(text({MistakeKind::late, {0, 1}, 0.1, 0}), HasSubstr("one of left and right is about 0.10 s late"));
   EXPECT_THAT(text({MistakeKind::late, {1}, 0.2, 8}), HasSubstr("correct its time stamps or timing.latency_s"));
+  for (const double off_px : {0., 8.})
+    EXPECT_THAT(text({MistakeKind::late, {1}, 0.2, off_px}, false), HasSubstr("time stamps or latency_offset_s"));
   EXPECT_THAT(text({.kind = MistakeKind::late, .cameras = {0, 1}, .size = 0.031, .off_px = 2, .shown_hz = 30}),
               HasSubstr("about 0.03 s late: correct its time stamps or timing.latency_s; that is one frame: has its "
                         "table of times a row too many or too few"));
