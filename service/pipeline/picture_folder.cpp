@@ -1,11 +1,33 @@
 #include "pipeline/picture_folder.h"
 
+#include <spdlog/spdlog.h>
+
 #include <algorithm>
+#include <regex>
+#include <stdexcept>
 
 namespace huetrack::pipeline {
+namespace {
+
+// Pictures of an earlier run would be taken for this one's. A person's own pictures have other names.
+void remove_earlier_pictures(const std::filesystem::path& folder) {
+  static const std::regex ours("(set|camera)_([0-9]{6,}|3d)\\.png|track_3d\\.png");
+  std::error_code none;
+  std::vector<std::filesystem::path> earlier;
+  for (const auto& entry : std::filesystem::directory_iterator(folder, none))
+    if (std::regex_match(entry.path().filename().string(), ours)) earlier.push_back(entry.path());
+  for (const auto& picture : earlier)
+    if (!std::filesystem::remove(picture, none) || none)
+      throw std::runtime_error(picture.string() +
+                               ", a picture of an earlier run, cannot be removed: " + none.message());
+  if (!earlier.empty()) spdlog::info("{}: replaced the earlier run's {} pictures", folder.string(), earlier.size());
+}
+
+}  // namespace
 
 PictureFolder::PictureFolder(const config::ServiceConfig& config, const std::filesystem::path& folder)
     : config_(config), tracks_(config.targets.size()) {
+  remove_earlier_pictures(folder);
   if (!config.targets.empty()) sets_.emplace(config, folder);
   if (!config.camera_tracking.camera.empty()) camera_.emplace(config, folder);
 }

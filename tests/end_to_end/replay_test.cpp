@@ -91,6 +91,12 @@ TEST_F(EndToEnd, TheSameRecordingGivesTheSameBytes) {
   EXPECT_EQ(tracks({"--pictures", folder_ / "pictures", "--pictures-every", "25"}), first);
   EXPECT_TRUE(fs::exists(folder_ / "pictures/set_000125.png"));
   EXPECT_TRUE(fs::exists(folder_ / "pictures/track_3d.png"));
+  // A second run into the folder replaces the first one's, and nothing else.
+  std::ofstream(folder_ / "pictures/mine.png") << "a person's";
+  EXPECT_EQ(tracks({"--pictures", folder_ / "pictures", "--pictures-every", "40"}), first);
+  EXPECT_FALSE(fs::exists(folder_ / "pictures/set_000125.png"));
+  EXPECT_TRUE(fs::exists(folder_ / "pictures/set_000120.png"));
+  EXPECT_TRUE(fs::exists(folder_ / "pictures/mine.png"));
 }
 
 TEST_F(EndToEnd, VideosWithoutARecordingFileGiveTheSameTrack) {
