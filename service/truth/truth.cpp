@@ -112,7 +112,10 @@ std::vector<std::string> Truth::match(std::span<const std::string> targets, std:
     const bool is_several = t < counts.size() && counts[t] > 1;
     if (targets_.contains(target) || (is_several && !objects_of(target, targets.size() == 1).empty())) continue;
     sentences.push_back("the truth has no ball named " + target + (is_several ? " or " + target + "_1" : "") +
-                        ", so this target is not compared: it has " + balls);
+                        ", so this target is not compared: it has " + balls +
+                        (!is_several && !objects_of(target, false).empty()
+                             ? ": are these several balls of one colour? Give the target their count"
+                             : ""));
   }
   return sentences;
 }

@@ -36,6 +36,16 @@ TEST_F(TruthFile, NamesItsBallsForAMissingTarget) {
   EXPECT_FALSE(t.position("lime", Timestamp(100ms)).has_value());
 }
 
+TEST_F(TruthFile, NamesTheCountForNumberedBalls) {
+  Truth t = truth("t,ball,x,y,z\n0,ball0,0,0,0\n0,ball1,1,0,0\n");
+  const std::vector<std::string> ball{"ball"}, two{"ball", "cube"};
+  EXPECT_THAT(t.match(ball),
+              testing::ElementsAre("the truth has no ball named ball, so this target is not compared: it "
+                                   "has ball0, ball1: are these several balls of one colour? Give the "
+                                   "target their count"));
+  EXPECT_THAT(t.match(two)[1], testing::EndsWith("it has ball0, ball1"));
+}
+
 TEST_F(TruthFile, IsLinearBetweenItsSamplesAndNotBeyond) {
   const Truth t = truth(along_x);
   EXPECT_THAT(*t.position("ball", Timestamp(100ms)), testing::Eq(Eigen::Vector3d(0.1, 2, 3)));
