@@ -130,6 +130,10 @@ void refuse_other_forms(const std::filesystem::path& out) {
     throw std::runtime_error(out.string() +
                              ": a rosbag2 is a folder, which gets its .db3 by itself (--out my_bag); "
                              "the other form is one file, --out FILE.mcap");
+  if (extension == ".tum")
+    throw std::runtime_error(out.string() +
+                             ": `huetrack watch --format tum` writes TUM, of a replay or live; this "
+                             "writes a rosbag2 (--out FOLDER) or MCAP (--out FILE.mcap)");
 }
 
 // A recording in place of the tracks: a common mistake.

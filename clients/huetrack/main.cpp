@@ -207,7 +207,9 @@ void CommandLine::add_export() {
         return 0;
       });
   command.add_option("tracks", export_.tracks, "CSV of `huetrackd replay --tracks` or `huetrack log`");
-  command.add_option("--out", export_.out, "FILE.mcap, or a new folder for a rosbag2 (sqlite3)")->required();
+  command
+      .add_option("--out", export_.out, "FILE.mcap, or a new folder for a rosbag2 (sqlite3); TUM: watch --format tum")
+      ->required();
   command.add_option(
       "--pictures", export_.pictures,
       "a recording, or the cameras' videos, left=a.mp4 right=b.mp4: adds every frame as a CompressedImage, "

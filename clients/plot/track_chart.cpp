@@ -375,6 +375,7 @@ class Chart {
     for (const ChartTarget& target : targets_) {
       const std::vector<TrackRow>& rows = target.rows;
       const auto longest = longest_step(rows);
+      const auto last_lasts = rows.size() > 1 ? longest * 2 / 5 : truth::Timestamp::duration(0);
       canvas_.text({left_ - 7, top + state_row / 2 + 4}, target.name, 11, muted, Align::right);
       for (std::size_t i = 0; i < rows.size();) {
         const auto is_followed = [&](std::size_t j) {
@@ -383,7 +384,7 @@ class Chart {
         std::size_t j = i;
         while (is_followed(j) && rows[j + 1].state == rows[i].state) ++j;
         const double from = u(rows[i].at),
-                     to = std::min(u(is_followed(j) ? rows[j + 1].at : rows[j].at + longest * 2 / 5), left_ + width_);
+                     to = std::min(u(is_followed(j) ? rows[j + 1].at : rows[j].at + last_lasts), left_ + width_);
         canvas_.rectangle({from, top + 2, std::max(1.0, to - from), state_row - 4}, state_color(rows[i].state));
         i = j + 1;
       }
@@ -437,9 +438,9 @@ std::string to_text(const ChartFigures& f) {
   const auto share = [&](std::size_t n) {
     return 100.0 * static_cast<double>(n) / static_cast<double>(std::max<std::size_t>(1, f.rows));
   };
-  std::string text =
-      fmt::format("{}: {} samples; tracking {:.1f} %, coasting {:.1f} %, searching {:.1f} %, lost {:.1f} %", f.name,
-                  f.rows, share(f.tracking), share(f.coasting), share(f.searching), share(f.lost));
+  std::string text = fmt::format(
+      "{}: {} sample{}; tracking {:.1f} %, coasting {:.1f} %, searching {:.1f} %, lost {:.1f} %", f.name, f.rows,
+      f.rows == 1 ? "" : "s", share(f.tracking), share(f.coasting), share(f.searching), share(f.lost));
   if (f.compared > 0)
     text += fmt::format("; error rms {:.1f} mm{}, max {:.1f} mm; truth in the 95 % ellipsoid {:.1f} %", 1e3 * f.rms_m,
                         f.compared_tracking > 0 && f.compared_tracking < f.compared

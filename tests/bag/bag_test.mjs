@@ -286,6 +286,7 @@ try {
   };
   refused(/bag exists; a rosbag2 is a new folder/, file("tracks.csv"), "--out", file("bag"));
   refused(/a rosbag2 is a folder/, file("tracks.csv"), "--out", file("x.db3"));
+  refused(/watch --format tum` writes TUM/, file("tracks.csv"), "--out", file("x.tum"));
   const again = huetrack("export", file("tracks.csv"), "--out", file("bag.mcap"));
   assert.equal(again.status, 0, again.stderr);
   assert.match(again.stderr, /bag\.mcap: the previous file is replaced/);

@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <fstream>
+#include <regex>
 #include <sstream>
 
 #include "clients/plot/track_file.h"
@@ -172,6 +173,26 @@ TEST_F(Plot, NamesATruthInMilliseconds) {
   EXPECT_THAT(
       [&] { plot({.tracks = tracks(), .truth = write("truth.csv", text.str()), .out = folder / "a.svg"}); },
       ThrowsMessage<std::runtime_error>(HasSubstr("if the truth's times are milliseconds, name their column t_ms")));
+}
+
+TEST_F(Plot, ASingleSampleIsAMomentOfItsState) {
+  const std::string header = "target,t,x,y,z,c11,c12,c13,c22,c23,c33,state,confidence\n",
+                    rest = ",1,2,3,1e-6,0,0,1e-6,0,1e-6,";
+  internal::CaptureStdout();
+  plot({.tracks = write("one.csv", header + "ball,1" + rest + "tracking,1\n" + "orb,0" + rest + "lost,1\norb,2" + rest +
+                                       "lost,1\n"),
+        .truth = {},
+        .out = folder / "a.svg"});
+  EXPECT_THAT(internal::GetCapturedStdout(), AllOf(HasSubstr("ball: 1 sample;"), HasSubstr("orb: 2 samples;")));
+  // The bars of the states: rectangles of that height.
+  const std::string svg = read(folder / "a.svg");
+  const std::regex tracking(
+      "fill:rgb\\(20%,60%[^>]* d=\"M ([0-9]+) ([0-9]+) L ([0-9]+) \\2 L \\3 ([0-9]+) L \\1 \\4 Z");
+  std::vector<int> widths;
+  for (std::sregex_iterator bar(svg.begin(), svg.end(), tracking), end; bar != end; ++bar)
+    if (std::stoi((*bar)[4]) - std::stoi((*bar)[2]) == 20)
+      widths.push_back(std::stoi((*bar)[3]) - std::stoi((*bar)[1]));
+  EXPECT_THAT(widths, ElementsAre(1));
 }
 
 TEST_F(Plot, DrawsALogOfACamera) {
