@@ -51,7 +51,9 @@ fs::path bundled_demo(const fs::path& program) {
 fs::path copy_demo(const fs::path& from, const fs::path& to) {
   const fs::path config = to / config_name;
   if (std::error_code none; fs::exists(config, none)) return config;
-  fs::create_directories(to);
+  std::error_code error;
+  fs::create_directories(to, error);
+  if (error) throw std::runtime_error("cannot write " + to.string() + ": " + error.message());
   fs::copy(from / recording_name, to / recording_name, fs::copy_options::recursive);
   fs::copy_file(from / config_name, config);
   std::ofstream out(config, std::ios::app);

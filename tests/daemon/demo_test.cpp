@@ -92,6 +92,11 @@ TEST(CopiedDemo, ListsItsCamerasAndIsKept) {
   fs::remove_all(folder);
 }
 
+TEST(CopiedDemo, SaysWhyItsFolderCannotBeWritten) {
+  EXPECT_THAT([] { copy_demo(bundled, "/proc/none/demo"); },
+              testing::ThrowsMessage<std::runtime_error>("cannot write /proc/none/demo: No such file or directory"));
+}
+
 // So that a jump need not decode all before it.
 TEST(RecordingFromATime, LeavesOutFramesWhoseTimesAreKnown) {
   recordings::Recording recording = recordings::read_recording(bundled / "recording");
