@@ -3,7 +3,6 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
-#include <regex>
 #include <stdexcept>
 
 namespace huetrack::pipeline {
@@ -11,11 +10,17 @@ namespace {
 
 // Pictures of an earlier run would be taken for this one's. A person's own pictures have other names.
 void remove_earlier_pictures(const std::filesystem::path& folder) {
-  static const std::regex ours("(set|camera)_([0-9]{6,}|3d)\\.png|track_3d\\.png");
+  const auto is_ours = [](const std::string& name) {
+    for (const std::string_view kind : {"set_", "camera_"})
+      if (name.starts_with(kind) && name.ends_with(".png") &&
+          name.find_first_not_of("0123456789", kind.size()) == name.size() - std::string_view(".png").size())
+        return true;
+    return name == "track_3d.png" || name == "camera_3d.png";
+  };
   std::error_code none;
   std::vector<std::filesystem::path> earlier;
   for (const auto& entry : std::filesystem::directory_iterator(folder, none))
-    if (std::regex_match(entry.path().filename().string(), ours)) earlier.push_back(entry.path());
+    if (is_ours(entry.path().filename().string())) earlier.push_back(entry.path());
   for (const auto& picture : earlier)
     if (!std::filesystem::remove(picture, none) || none)
       throw std::runtime_error(picture.string() +

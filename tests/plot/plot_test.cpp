@@ -5,7 +5,6 @@
 
 #include <cmath>
 #include <fstream>
-#include <regex>
 #include <sstream>
 
 #include "clients/plot/track_file.h"
@@ -186,12 +185,14 @@ TEST_F(Plot, ASingleSampleIsAMomentOfItsState) {
   EXPECT_THAT(internal::GetCapturedStdout(), AllOf(HasSubstr("ball: 1 sample;"), HasSubstr("orb: 2 samples;")));
   // The bars of the states: rectangles of that height.
   const std::string svg = read(folder / "a.svg");
-  const std::regex tracking(
-      "fill:rgb\\(20%,60%[^>]* d=\"M ([0-9]+) ([0-9]+) L ([0-9]+) \\2 L \\3 ([0-9]+) L \\1 \\4 Z");
-  std::vector<int> widths;
-  for (std::sregex_iterator bar(svg.begin(), svg.end(), tracking), end; bar != end; ++bar)
-    if (std::stoi((*bar)[4]) - std::stoi((*bar)[2]) == 20)
-      widths.push_back(std::stoi((*bar)[3]) - std::stoi((*bar)[1]));
+  std::vector<double> widths;
+  for (auto at = svg.find("fill:rgb(20%,60%"); at != svg.npos; at = svg.find("fill:rgb(20%,60%", at + 1)) {
+    std::istringstream path(svg.substr(svg.find(" d=\"M ", at) + 6));
+    double left = 0, top = 0, right = 0, same = 0, bottom = 0;
+    char line = 0;
+    path >> left >> top >> line >> right >> same >> line >> same >> bottom;
+    if (bottom - top == 20) widths.push_back(right - left);
+  }
   EXPECT_THAT(widths, ElementsAre(1));
 }
 
