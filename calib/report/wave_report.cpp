@@ -171,17 +171,6 @@ void doubt_hands(WaveReport& report, const WaveResult& result) {
                   shares, result.held_poses ? "times" : "positions and times"));
 }
 
-// Where the ball was: the part of the world for which the rig is good.
-std::string volume_text(const WaveResult& result) {
-  const auto text_of = [](const Eigen::Vector3d& p) {
-    return fmt::format("[{:.2f}, {:.2f}, {:.2f}]", p.x(), p.y(), p.z());
-  };
-  return fmt::format(
-      "The ball was between {} and {} m of the rig's world: give such a part as object_tracking: {{volume: {{min: ..., "
-      "max: ...}}}}",
-      text_of(result.path_min), text_of(result.path_max));
-}
-
 // A given lens that the ball contradicts.
 void note_lenses(WaveReport& report, const WaveResult& result, Reader reader) {
   for (std::size_t c = 0; c < result.cameras.size() && !result.guessed_lenses; ++c) {
@@ -317,7 +306,6 @@ WaveReport report_on(const WaveResult& result, Reader reader) {
   if (!result.held_poses) report.scale_from = scale_text(result);
   report.notes = notes_on(result, reader);
   note_lenses(report, result, reader);
-  if (!result.held_poses && reader == Reader::terminal) report.notes.push_back(volume_text(result));
   if (result.marks_error_m && *result.marks_error_m > far_mark_m) {
     report.doubts.push_back(
         fmt::format("a marked point has an error of {:.0f} mm: measure them again, and check the times",
@@ -423,6 +411,17 @@ std::string figures_text(const WaveResult& result, bool with_error) {
 double expected_error_m(const WaveResult& result) {
   return result.expected_in_volume_m ? std::hypot(*result.expected_in_volume_m, result.by_scale_in_volume_m)
                                      : std::hypot(result.expected_m, result.by_scale_m);
+}
+
+std::string next_step_text(const WaveResult& result) {
+  const auto text_of = [](const Eigen::Vector3d& p) {
+    return fmt::format("[{:.2f}, {:.2f}, {:.2f}]", p.x(), p.y(), p.z());
+  };
+  return fmt::format(
+      "The ball was in this part of the rig's world. Without a volume in the configuration, targets are searched in "
+      "[-1, "
+      "-1, 0] to [1, 1, 2]:\nobject_tracking: {{volume: {{min: {}, max: {}}}}}\n",
+      text_of(result.path_min), text_of(result.path_max));
 }
 
 std::string summary(const WaveReport& report, const WaveResult& result) {

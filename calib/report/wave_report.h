@@ -22,6 +22,9 @@ WaveReport report_on(const wave::WaveResult& result, Reader reader = Reader::ter
 // Of positions, with the scale's part, in metres rms: in the configured volume, otherwise where the ball was.
 double expected_error_m(const wave::WaveResult& result);
 
+// Lines for the end: what a configuration needs to search where the ball was.
+std::string next_step_text(const wave::WaveResult& result);
+
 std::string to_text(const WaveReport& report, const wave::WaveResult& result);
 // One clause: the expected error of positions, once, and the first doubt.
 std::string summary(const WaveReport& report, const wave::WaveResult& result);

@@ -161,7 +161,8 @@ TEST_F(Commands, WaveOnTheBundledRecording) {
       run({"wave", recording, "--config", config, "--camera-distance", truth.cameras[0].name, truth.cameras[1].name,
            std::to_string(distance), "--rig", path("rig.yaml"), "--quiet"});
   EXPECT_NE(status, ExitStatus::failed) << said_;
-  EXPECT_THAT(out_, AllOf(testing::ContainsRegex("\n(USABLE|DOUBTFUL): "), HasSubstr("expected error of positions")));
+  EXPECT_THAT(out_, AllOf(testing::ContainsRegex("\n(USABLE|DOUBTFUL): "), HasSubstr("expected error of positions"),
+                          testing::ContainsRegex("\nobject_tracking: .volume: .min: .-?[0-9.]+, .*, max: .*\\}\n$")));
   const calib::CameraRig found = calib::read_rig(path("rig.yaml"));
   EXPECT_LT((found.cameras[1].centre() - truth.cameras[1].centre()).norm(), 0.015);
   EXPECT_EQ(found.made_by.front().first, "tool");
@@ -177,6 +178,8 @@ TEST_F(Commands, WaveOnTheBundledRecording) {
             ExitStatus::doubtful)
       << said_;
   EXPECT_THAT(out_, HasSubstr("the scale is from the ball's radius"));
+  EXPECT_THAT(calib::read_rig(path("new.yaml")).made_by.back(),
+              testing::Pair("doubt", HasSubstr("the scale is from the ball's radius")));
   // Doubtful, and there is a rig: that stays.
   const std::string before = text(path("new.yaml"));
   EXPECT_EQ(run({"wave", recording, "--config", config, "--no-poses", "--rig", path("new.yaml"), "--quiet"}),
