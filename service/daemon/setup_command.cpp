@@ -236,7 +236,7 @@ void set_up_film(const SetUpCommand& command, const std::stop_token& stop) {
       "written: {0}, for a film of {1}x{2}\n"
       "next: set radius_m of the ball in {0}; then teach its colour, by a pixel of it in a frame, and track it:\n"
       "  huetrackd teach {0} {3} --at cam0,FRAME,U,V     (or huetrackd replay {0} {3} --hold, and click on the page of "
-      "huetrack view)\n"
+      "huetrack view; huetrack control replay step N: a later frame)\n"
       "  huetrackd replay {0} {3} --tracks track.csv\n",
       file.string(), camera.width, camera.height, word);
 }
