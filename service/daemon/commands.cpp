@@ -308,8 +308,10 @@ void add_teach_command(CLI::App& app, Command& chosen) {
   command->add_flag("--force", teaching->force,
                     "save it although the object is not tracked with it in the recording; not what was accepted");
   command
-      ->add_option("--wider", teaching->wider,
-                   "widen the ranges by this many steps; negative: narrow them; 0: as a trial on the recording decides")
+      ->add_option(
+          "--wider", teaching->wider,
+          "widen the ranges by this many steps; negative: narrow them; 0: as a trial on the recording decides; with "
+          "--at")
       ->check(CLI::Range(-50, 50));
   command
       ->add_option("--ignore", teaching->ignore,

@@ -133,6 +133,8 @@ class TrialWatch final : public pipeline::Output {
 ColorTrial try_color(config::ServiceConfig config, std::span<const std::string> words,
                      const object_tracking::TargetOptions& target, const SeenAt& seen, const std::stop_token& stop) {
   config.targets = {target};
+  // It moves the object and its surroundings alike: the object is distinguished from them in the pictures.
+  config.rig.uncertainty.reset();
   const recordings::Recording recording = recordings::read_recording(words);
   auto source = std::make_unique<recordings::ReplaySource>(
       recording, config.rig.camera_names(),
@@ -151,9 +153,9 @@ ColorTrial try_color(config::ServiceConfig config, std::span<const std::string> 
 std::string words_of(const ColorTrial& trial, const std::string& camera) {
   if (trial.tracking == 0)
     return fmt::format("tried on the recording, nothing is tracked in any of {} sets", trial.sets);
-  const std::string how_often =
-      fmt::format("`tracking` in {} of {} sets, with a sigma of {:.1f} mm, and in every tenth over {:.1f}",
-                  trial.tracking, trial.sets, 1e3 * trial.sigma_m, 1e3 * trial.rare_sigma_m);
+  const std::string how_often = fmt::format(
+      "`tracking` in {} of {} sets, with a sigma of {:.1f} mm by the pictures, and in every tenth over {:.1f}",
+      trial.tracking, trial.sets, 1e3 * trial.sigma_m, 1e3 * trial.rare_sigma_m);
   if (!trial.at_point)
     return fmt::format("tried on the recording, it is {}, but not at the time of the point in {}", how_often, camera);
   if (!trial.is_found())

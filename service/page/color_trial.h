@@ -23,7 +23,8 @@ struct SeenAt {
 
 struct ColorTrial {
   std::uint64_t sets = 0, tracking = 0;  // of the recording; with an object of the target in `tracking`
-  // sqrt of the covariance's trace while tracking, metres: median and 90th percentile.
+  // sqrt of the covariance's trace while tracking, metres: median and 90th percentile. Without the rig's uncertainty,
+  // which is a constant that all positions share.
   double sigma_m = 0, rare_sigma_m = 0;
   // Three times the median and one time the percentile of the sigma in the pictures are within the object's radius
   // there: the object is distinguished from its surroundings. How far away the only camera sees it does not count.

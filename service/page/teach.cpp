@@ -120,7 +120,10 @@ object_tracking::IgnoredRegions with_ignored(const TeachCommand& command, const 
 }
 
 Pointing pointing_of(const TeachCommand& command, const config::ServiceConfig& config) {
-  if (command.at.empty()) throw std::runtime_error("give the object's place: --at CAMERA,FRAME,U,V");
+  if (command.at.empty())
+    throw std::runtime_error(
+        "give the object's place: --at CAMERA,FRAME,U,V; only rectangles are saved without one: --ignore, without a "
+        "recording");
   Pointing pointing;
   pointing.request.wider = command.wider;
   pointing.request.accepts_suggestions = command.accept;

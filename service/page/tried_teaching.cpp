@@ -43,12 +43,14 @@ bool is_elsewhere(const ColorTrial& trial, const color_teaching::Lesson& lesson)
   return trial.is_sure && trial.at_point && !trial.is_found() && lesson.target.count == 1;
 }
 
-// is_sized: the radius is configured.
-std::string what_to_try(const color_teaching::Lesson& lesson, const ColorTrial& trial, bool is_sized) {
+// cameras: of the rig. is_sized: the radius is configured.
+std::string what_to_try(const color_teaching::Lesson& lesson, const ColorTrial& trial, std::size_t cameras,
+                        bool is_sized) {
   if (!lesson.why_doubtful.empty()) return lesson.why_doubtful;
   return std::string(is_elsewhere(trial, lesson) ? "if that is another such object, raise the target's count; else "
                                                  : "") +
-         "give its place in every camera (--at), or where it is larger, or in another frame" +
+         "give its place " + (cameras > 1 ? "in every camera (--at), or " : "") +
+         "where it is larger, or in another frame" +
          (is_sized ? fmt::format("; or radius_m, {:g} mm, is wrong{}", 1e3 * lesson.target.radius_m,
                                  lesson.radius.radius_m ? ": --radius uses the measured one" : "")
                    : std::string());
@@ -95,12 +97,15 @@ bool TriedTeaching::passes(TriedLesson& tried, const std::stop_token& stop) cons
   // A wide range tracks also by a radius that the pictures contradict, at wrong distances.
   const bool is_contradicted = !other.empty() && !may_be_forced;
   if ((tried.holds() && !is_contradicted) || (command_.force && may_be_forced)) {
-    fmt::print("{} the learnt colour, {}\n", tried.is_found() ? "With" : "Warning: with", words(tried));
+    if (depends_on_width && tried.is_found() && !tried.is_of_other_width)
+      fmt::print("No other range is better\n");
+    else
+      fmt::print("{} the learnt colour, {}\n", tried.is_found() ? "With" : "Warning: with", words(tried));
     return true;
   }
   fmt::print(stderr, "huetrackd: nothing is saved: with the learnt colour, {}{}: {}{}\n", words(tried),
              depends_on_width ? ", nor with other ranges" : "",
-             other.empty() ? what_to_try(tried.lesson, tried.trial, is_sized()) : other,
+             other.empty() ? what_to_try(tried.lesson, tried.trial, config_.rig.cameras.size(), is_sized()) : other,
              may_be_forced ? "; --force saves it anyway" : "");
   return false;
 }
@@ -117,10 +122,11 @@ TriedLesson TriedTeaching::best_width(TriedLesson best, const std::stop_token& s
       if (!lesson.why_useless.empty()) break;
       TriedLesson next = untried(std::move(lesson));
       try_it(next, stop);
-      fmt::print("  --wider {}: {}\n", wider, words(next));
       const bool is_better = next.precision() > best.precision();
       if (!is_better && best.is_found()) break;
-      if (is_better) best = std::move(next), best.is_of_other_width = true, used = wider;
+      if (!is_better) continue;
+      fmt::print("  --wider {}: {}\n", wider, words(next));
+      best = std::move(next), best.is_of_other_width = true, used = wider;
     }
     if (used) break;  // wider ones are better: narrower ones are not
   }

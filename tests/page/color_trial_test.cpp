@@ -29,10 +29,12 @@ TEST(ColorTrial, FindsTheObjectAtThePoint) {
   EXPECT_LT(trial.sigma_m, 0.01);
   ASSERT_TRUE(trial.is_found());
   EXPECT_LT(trial.at_point->px, 1.5);
-  EXPECT_THAT(words_of(trial, "left"),
-              MatchesRegex("tried on the recording, it is `tracking` in 1[0-9]+ of 150 sets, "
-                           "with a sigma of [0-9.]+ mm, and in every tenth over [0-9.]+, [0-9.]+ px from the point in "
-                           "left"));
+  EXPECT_THAT(
+      words_of(trial, "left"),
+      MatchesRegex(
+          "tried on the recording, it is `tracking` in 1[0-9]+ of 150 sets, "
+          "with a sigma of [0-9.]+ mm by the pictures, and in every tenth over [0-9.]+, [0-9.]+ px from the point in "
+          "left"));
 }
 
 TEST(ColorTrial, RejectsAnotherObject) {
@@ -61,6 +63,24 @@ TEST(ColorTrial, TheOnlyCameraIsSure) {
   EXPECT_GT(3 * trial.sigma_m, target.radius_m);
   EXPECT_TRUE(trial.is_found());
   EXPECT_TRUE(trial.is_sure) << words_of(trial, "cam0");
+}
+
+// As `huetrackd setup` writes it: all directions are as uncertain as the assumed lens, tens of pixels off its middle.
+TEST(ColorTrial, TheUncertainLensOfTheOnlyCameraIsNoDoubtOfTheColour) {
+  config::ServiceConfig config = config::load_service_config(demo / "huetrackd.yaml");
+  config.rig.cameras.resize(1);
+  const auto& lens = config.rig.cameras[0].model;
+  const int parameters = calib::is_lens_count(lens, 8) ? 8 : 12;
+  Eigen::VectorXd sigma = Eigen::VectorXd::Constant(parameters, 1e-9);
+  sigma.head<2>().setConstant(0.25 * 300);
+  config.rig.uncertainty = calib::RigUncertainty::of({{.lens_count = parameters}}, sigma.cwiseAbs2().asDiagonal());
+  const std::vector<std::string> words{(demo / "recording").string()};
+  const SeenAt seen{.point = {0, {219, 159}}, .at = capture::Timestamp(std::chrono::seconds(2))};
+  const ColorTrial trial = try_color(config, words, config.targets.at(0), seen, {});
+  EXPECT_TRUE(trial.is_found());
+  EXPECT_TRUE(trial.is_sure) << words_of(trial, "cam0");
+  const SeenAt elsewhere{.point = {0, {60, 60}}, .at = seen.at};
+  EXPECT_FALSE(try_color(config, words, config.targets.at(0), elsewhere, {}).is_found());
 }
 
 TEST(ColorTrial, EndsOnAStop) {
