@@ -123,6 +123,7 @@ class Pipeline {
   bool is_picture(std::uint64_t index) const;
   void output_status();
   void update_searches();
+  static void forget_searches(const Replacement& next, std::vector<objects::SearchFindings>& searches);
   void set_ended(std::size_t camera, bool has_ended);  // figures_mutex_ is held
   bool take_replacements(capture::Timestamp at);       // returns whether there were any
   bool has_jumped(std::deque<capture::Timestamp>& jumps, capture::Timestamp at);

@@ -403,6 +403,36 @@ TEST(Pipeline, AReplacedTrackersObjectsEndAndTheirNumbersAreNotReused) {
   EXPECT_THAT(ends, ElementsAre(1));
 }
 
+// A replay may be paused when a colour is saved: no set was tried with it.
+TEST(Pipeline, WhatWasSearchedSaysNothingOfANewColour) {
+  scene::SceneBuilder builder;
+  builder.cameras_on_ring({.count = 2});
+  builder.ball({.path = [](double) { return Eigen::Vector3d(0, 0, 1.0); }});
+  const scene::Scene scene = builder.build();
+  const std::vector<capture::FrameSet> sets = render(scene, {.set_count = 4});
+  object_tracking::TargetOptions target;
+  target.name = "blue";
+  target.color.hue_min_deg = 200, target.color.hue_max_deg = 250;
+  const auto tracker = [&] {
+    return object_trackers::ObjectTracker(scene.rig, target, object_tracking::ObjectTrackerOptions{});
+  };
+  for (const bool is_reloaded : {false, true}) {
+    std::vector<object_trackers::ObjectTracker> trackers;
+    trackers.push_back(tracker());
+    PipelineTo pipeline(scene.rig, sources(RenderedSource(sets)), std::move(trackers), options_for(scene.rig),
+                        {.estimates = [&](const capture::FrameSet& set,
+                                          std::span<const object_tracking::ObjectEstimate>, capture::Timestamp) {
+                          if (!is_reloaded || set.at != sets.back().at) return;
+                          Pipeline::Replacement next;
+                          next.trackers.push_back({0, target, tracker()});
+                          pipeline.replace_trackers(std::move(next));
+                        }});
+    pipeline.run({});
+    ASSERT_EQ(pipeline.figures().searches.size(), 1u);
+    EXPECT_EQ(pipeline.figures().searches[0].sets, is_reloaded ? 0u : sets.size());
+  }
+}
+
 // After a jump the published position must not be that from before it.
 TEST(Pipeline, ObjectsAreSearchedAnewAfterAJump) {
   scene::SceneBuilder builder;
