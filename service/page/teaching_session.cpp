@@ -137,9 +137,13 @@ std::string learnt(const color_teaching::Lesson& lesson) {
   return text;
 }
 
-std::string saved(const color_teaching::Lesson& lesson, const std::filesystem::path& file, bool with_radius) {
+// is_recording: `huetrackd teach` would have tracked it by the colour before.
+std::string saved(const color_teaching::Lesson& lesson, const std::filesystem::path& file, bool with_radius,
+                  bool is_recording) {
   std::string text = fmt::format("Saved: {} is now tracked by this colour{}, written into {}.", lesson.target.name,
                                  with_radius ? " and with this radius" : "", file.string());
+  if (is_recording)
+    text += " The recording was not tried with it: see whether it is tracked as it goes on, or else narrow the ranges.";
   if (!lesson.unconfirmed.empty())
     text += fmt::format(" Its place in {} is not confirmed: it may not be seen there.",
                         fmt::join(lesson.unconfirmed, ", "));
@@ -287,8 +291,8 @@ msg::TeachReply TeachingSession::look(const msg::TeachRequest& request, const co
   });
   if (!why_not.empty()) return refusal(request, why_not);
   const bool is_unsaved = !is_sized && !radius_m && lesson.radius.radius_m;
-  reply.reason(saved(lesson, file, radius_m.has_value()) + warnings(lesson) + radius(lesson, said_radius_m) +
-               (is_unsaved ? " " + color_teaching::unsaved_radius_words() : ""));
+  reply.reason(saved(lesson, file, radius_m.has_value(), bool(actions_.moments)) + warnings(lesson) +
+               radius(lesson, said_radius_m) + (is_unsaved ? " " + color_teaching::unsaved_radius_words() : ""));
   return reply;
 }
 

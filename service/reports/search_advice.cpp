@@ -57,11 +57,16 @@ std::string what_to_try(const objects::SearchFindings& findings, const object_tr
   if (!blind.empty())
     return fmt::format("its colour is seen by {} but hardly ever by {}: set camera_colors for these",
                        fmt::join(seeing, ", "), fmt::join(blind, ", "));
+  if (cameras.size() == 1 && target.shape == object_tracking::TargetShape::blob)
+    return "a blob's distance takes two cameras: with one, only balls are found (shape: ball or auto)";
+  if (cameras.size() == 1 && 2 * findings.sets_shared > findings.sets)
+    return fmt::format(
+        "the picture shows more of its colour, or more spots of it, than one ball has, so that its size, and with one "
+        "camera its distance, cannot be read: narrow its colour, first of all its saturation, [{:g}, {:g}] now",
+        target.color.saturation_min, target.color.saturation_max);
   if (cameras.size() == 1)
-    return target.shape == object_tracking::TargetShape::blob
-               ? "a blob's distance takes two cameras: with one, only balls are found (shape: ball or auto)"
-               : "no round region of its colour has a size that gives a distance inside the volume: check the radius, "
-                 "the volume and the colour";
+    return "no round region of its colour has a size that gives a distance inside the volume: check the radius, the "
+           "volume and the colour";
   if (2 * findings.sets_in_two < findings.sets)
     return fmt::format(
         "two cameras see its colour at once in only {:.0f} % of these sets, and a position takes two: widen its "

@@ -206,6 +206,36 @@ TEST(TeachingSession, ARadiusIsOnlyMissedOnceAllIsConfirmed) {
   }
 }
 
+// `huetrackd teach` tracks a recording by the colour before it saves it.
+TEST(TeachingSession, ASaveSaysThatTheRecordingWasNotTriedWithIt) {
+  const std::filesystem::path folder =
+      std::filesystem::path(TempDir()) / ("teaching_untried_" + std::to_string(::getpid()));
+  std::filesystem::create_directories(folder);
+  const scene::Scene world = scene::SceneBuilder().cameras_on_ring({.count = 2}).ball({}).build();
+  const auto sets = scene::render(world, {.set_count = 1});
+  config::ServiceConfig config = config_that_allows(true);
+  config.file = folder / "c.yaml";
+  std::ofstream(config.file) << "version: 1\nrig: " << config.rig_file.string() << "\ntargets: {"
+                             << config.targets[0].name << ": {radius_m: 0.04}}\n";
+  config.rig = world.rig;
+  for (const bool is_recording : {false, true}) {
+    TeachingSession::Actions actions{.reload = [] { return std::string(); }, .resume = {}};
+    if (is_recording) actions.moments = [&](const std::stop_token&) { return sets; };
+    TeachingSession session{actions};
+    ASSERT_TRUE(session.freeze(request_of(msg::TEACH_ACTION_FREEZE), config, sets[0]).granted());
+    msg::TeachRequest apply = request_of(msg::TEACH_ACTION_APPLY);
+    apply.target(config.targets[0].name);
+    const Eigen::Vector2d px = world.rig.cameras[0].project_world(world.ball_at(0, sets[0].at))->px;
+    msg::TeachPoint& point = apply.points().emplace_back();
+    point.camera(world.rig.cameras[0].name);
+    point.pixel({px.x(), px.y()});
+    const std::string reason = session.answer(apply, config).reason();
+    EXPECT_THAT(reason, StartsWith("Saved: "));
+    EXPECT_EQ(reason.find("The recording was not tried with it") != std::string::npos, is_recording) << reason;
+  }
+  std::filesystem::remove_all(folder);
+}
+
 TEST(TeachingSession, AnUnreadableRecordingIsReported) {
   const scene::Scene world = scene::SceneBuilder().cameras_on_ring({.count = 2}).ball({}).build();
   const auto sets = scene::render(world, {.set_count = 1});

@@ -59,6 +59,19 @@ TEST(SearchAdvice, NamesCamerasThatDoNotShowTheColor) {
 }
 
 // h becomes 240 - h: orange in the place of blue.
+TEST(SearchAdvice, OneCameraWhoseRoomHasTheColourTakesANarrowerOne) {
+  objects::SearchFindings findings = findings_of({100});
+  object_tracking::TargetOptions target = target_of(0.04);
+  target.color.saturation_min = 0.09;
+  EXPECT_THAT(search_advice(findings, target, {"a"}, false), HasSubstr("no round region of its colour"));
+  findings.sets_shared = 60;
+  EXPECT_THAT(search_advice(findings, target, {"a"}, false),
+              AllOf(HasSubstr("narrow its colour, first of all its saturation, [0.09, 1] now"),
+                    testing::Not(HasSubstr("check the radius"))));
+  target.shape = object_tracking::TargetShape::blob;
+  EXPECT_THAT(search_advice(findings, target, {"a"}, false), HasSubstr("takes two cameras"));
+}
+
 TEST(SearchAdvice, NamesTheHueWithRedAndBlueSwappedWhereNoCameraShowsTheColor) {
   object_tracking::TargetOptions blue = target_of(0.04);
   blue.color.hue_min_deg = 195, blue.color.hue_max_deg = 230;

@@ -80,6 +80,7 @@ void SearchLog::add(const std::vector<TargetView>& views, std::span<const std::v
     for (std::size_t i = 0; i < views.size(); ++i)
       if (!regions[i].empty()) ++counts.sets_with_color[std::size_t(views[i].index)];
     counts.sets_in_two += seeing >= 2 ? 1 : 0;
+    counts.sets_shared += is_room_shared ? 1 : 0;
     counts.sets_outside += is_outside ? 1 : 0;
   }
 }

@@ -20,6 +20,7 @@ struct SearchFindings {
   std::size_t sets = 0;
   std::vector<std::size_t> sets_with_color;  // per camera of the rig: sets with a region of the colour
   std::size_t sets_in_two = 0;               // with a region of the colour in two views or more
+  std::size_t sets_shared = 0;               // in a room that shares the colour (static_clutter_mask.h)
   std::size_t sets_outside = 0;              // with regions of two views that fit one ball outside of the volume
   std::optional<double> radius_m;            // that the regions of two views agree on; > 0
   // Where the regions of two views fit a ball of one radius outside of the volume.
