@@ -96,7 +96,7 @@ bool TriedTeaching::passes(TriedLesson& tried, const std::stop_token& stop) cons
   const bool may_be_forced = tried.lesson.is_all_clicked;
   // A wide range tracks also by a radius that the pictures contradict, at wrong distances.
   const bool is_contradicted = !other.empty() && !may_be_forced;
-  if ((tried.holds() && !is_contradicted) || (command_.force && may_be_forced)) {
+  if ((tried.is_found() && !is_contradicted) || (command_.force && may_be_forced)) {
     if (depends_on_width && tried.is_found() && !tried.is_of_other_width)
       fmt::print("No other range is better\n");
     else

@@ -18,11 +18,8 @@ struct TriedLesson {
   ColorTrial trial = {};
   bool is_of_other_width = false;  // than what was learnt first
 
-  bool is_found() const { return trial.is_sure && trial.is_found(); }
+  bool is_found() const { return trial.is_sure && trial.is_found(); }  // tracked where it was clicked
   double precision() const { return is_found() ? trial.precision() : 0; }
-  // With --accept, what was learnt in other views is unconfirmed: then the object must be tracked at the point. If all
-  // views were clicked, a track elsewhere is only a warning.
-  bool holds() const { return is_found() || (trial.is_sure && lesson.is_all_clicked); }
 };
 
 // Keeps references to all that it is made from.

@@ -87,8 +87,8 @@ TEST_F(Teach, OnePointSuggestsTheOtherAndTheColourThenTracks) {
       all.out,
       ContainsRegex(
           "With the learnt colour, tried on the recording, it is `tracking` in 1[0-9]+ "
-          "of 150 sets, with a sigma of [0-9.]+ mm, and in every tenth over [0-9.]+, [0-9.]+ px from the point in "
-          "cam0\n"));
+          "of 150 sets, with a sigma of [0-9.]+ mm by the pictures, and in every tenth over [0-9.]+, [0-9.]+ px from "
+          "the point in cam0(: wider and narrower ranges are tried)?\n"));
   EXPECT_THAT(all.out, AllOf(HasSubstr("written into " + taught + ": the colour of lime"),
                              HasSubstr("no huetrackd runs with this file")));
   EXPECT_TRUE(fs::exists(folder / "pictures/cam1.png"));
@@ -197,6 +197,12 @@ TEST_F(Teach, WhereAnotherObjectOfTheColourIsTrackedItNamesCount) {
   EXPECT_THAT(result.err,
               HasSubstr("px away from the point in cam0: if that is another such object, raise the target's count"));
   EXPECT_THAT(result.out, HasSubstr("or, if it is another object to track, raise the target's count"));
+  // One camera, so that all views are clicked.
+  const std::string one = folder / "film.yaml", film = three / "cam0.mkv";
+  ASSERT_EQ(run({"setup", "--film", film, one}).status, 0);
+  const Result of_one = run({"teach", one, "cam0=" + film, "--at", "cam0,0,367,287"});
+  EXPECT_EQ(of_one.status, 1) << of_one.out;
+  EXPECT_THAT(of_one.err, AllOf(HasSubstr("raise the target's count"), Not(HasSubstr("in every camera"))));
 }
 
 // The world of the only camera begins at the camera, and half of its picture shows what is below that.
@@ -223,6 +229,19 @@ cameras:
   const Result saved = run(teach);
   EXPECT_EQ(saved.status, 0) << saved.err;
   EXPECT_TRUE(fs::exists(taught));
+}
+
+// The commands that setup prints; the lens is assumed, 25 %.
+TEST_F(Teach, OneCameraOfAnAssumedLensIsTaught) {
+  const fs::path film = fs::path(HUETRACK_SHARED_DATA) / "red_pendulum/ball.mp4";
+  if (!fs::exists(film)) GTEST_SKIP() << film << " is not there";
+  const std::string file = folder / "film.yaml";
+  ASSERT_EQ(run({"setup", "--film", film, file}).status, 0);
+  const Result wrong = run({"teach", file, "cam0=" + film.string(), "--at", "cam0,116,60,60"});
+  EXPECT_EQ(wrong.status, 1) << wrong.out;
+  const Result saved = run({"teach", file, "cam0=" + film.string(), "--at", "cam0,116,206,529"});
+  EXPECT_EQ(saved.status, 0) << saved.out << saved.err;
+  EXPECT_THAT(saved.out, HasSubstr("written into "));
 }
 
 // A wrong radius is why nothing is tracked by a colour that is right: the line that ends with says so, and what to do.
