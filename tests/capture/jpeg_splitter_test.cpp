@@ -10,7 +10,7 @@ namespace huetrack::capture {
 namespace {
 
 std::string jpeg_text(int grey) {
-  const auto bytes = picture(64, 48, grey);
+  const auto bytes = jpeg_picture(64, 48, grey);
   return {bytes.begin(), bytes.end()};
 }
 

@@ -18,7 +18,7 @@
 
 namespace huetrack::capture {
 
-inline std::vector<std::uint8_t> picture(int width, int height, int grey) {
+inline std::vector<std::uint8_t> jpeg_picture(int width, int height, int grey) {
   WritableImage image = make_image(PixelFormat::i422, ColorRange::full, width, height);
   std::memset(image.data[0], grey, std::size_t(width) * std::size_t(height));
   for (const int chroma : {1, 2})
@@ -68,7 +68,7 @@ class MjpegServer {
       }
       send(client, "HTTP/1.0 200 OK\r\nContent-Type: " + film_.type + "\r\n\r\n");
       for (int k = 0; k < film_.pictures && !stop.stop_requested(); ++k) {
-        const auto jpeg = picture(film_.width, film_.height, 40 + 10 * (k % 16));
+        const auto jpeg = jpeg_picture(film_.width, film_.height, 40 + 10 * (k % 16));
         send(client, k == 0 ? film_.first_boundary : film_.boundary);
         if (film_.has_headers)
           send(client, "Content-Type: image/jpeg\r\nContent-Length: " + std::to_string(jpeg.size()) + "\r\n\r\n");
