@@ -182,14 +182,6 @@ std::unique_ptr<metrics::MetricsServer> served(const config::MetricsConfig& metr
   return server;
 }
 
-// The frames of a camera were stamped when they arrived, and nothing says how much later that is.
-bool has_unknown_latency(const calib::CameraRig& rig, const std::vector<capture::LiveCamera>& cameras) {
-  return std::ranges::any_of(cameras, [&](const capture::LiveCamera& camera) {
-    return !rig.cameras[std::size_t(camera.camera)].timing.latency_s &&
-           camera.health().stamp == capture::StampKind::dequeued;
-  });
-}
-
 }  // namespace
 
 LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::LiveCamera> cameras,
@@ -208,9 +200,7 @@ LiveSummary run_live(const config::ServiceConfig& config, std::vector<pipeline::
   metrics::PipelineMeter meter(config.rig.cameras.size(), is_tracking ? config.targets.size() : 0,
                                bus ? &*bus : nullptr);
   session.add(meter);
-  reports::Reports reports(session, {.write_rig = options.write_rig,
-                                     .is_logging_times = true,
-                                     .are_times_in_doubt = [&] { return has_unknown_latency(config.rig, cameras); }});
+  reports::Reports reports(session, {.write_rig = options.write_rig, .is_logging_times = true});
   TrackedFiles files(session, config, options);
   // Before the page, which uses it; started after everything that can fail, so that no empty recording remains.
   pipeline::RecordingKeeper recording(

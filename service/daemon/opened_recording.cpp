@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <set>
 #include <stdexcept>
 #include <thread>
 #include <utility>
@@ -102,17 +101,15 @@ OpenedRecording open_recording(const config::ServiceConfig& config, const Replay
       .decoder_threads = std::max(1, int(std::thread::hardware_concurrency())),
       .timing = config::frame_timing(config.rig),
       .takes_matches = true,
-      .on_contradicted_times = [is_found = opened.are_times_contradicted,
-                                known = std::make_shared<std::set<std::string>>()](const std::string& text) {
-        *is_found = true;
-        if (known->insert(text).second) spdlog::warn("{}", text);  // once of loops
+      .on_contradicted_times = [found = opened.contradicted_times](const std::string& text) {
+        const std::scoped_lock lock(found->mutex);
+        if (found->texts.insert(text).second) spdlog::warn("{}", text);  // once of loops
       }};
   auto source = std::make_unique<recordings::ReplaySource>(opened.recording, names, options);
   const auto current = std::make_shared<recordings::ReplaySource*>(source.get());
   opened.pass = current;
   opened.sources = pipeline::recorded_cameras(opened.recording, *source);
   opened.first_at = source->first_at().value_or(capture::Timestamp{});
-  if (!source->mistakes().empty()) *opened.are_times_contradicted = true;
   const auto length = length_of(*source);
   LoopingSourceOptions looping{
       .cameras = names.size(), .loops = command.loops, .step = shortest_period(*source), .open = {}};

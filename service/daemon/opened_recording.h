@@ -1,9 +1,11 @@
 // A recording, opened for a session: played, paused, sought and looped.
 #pragma once
 
-#include <atomic>
 #include <memory>
+#include <mutex>
 #include <optional>
+#include <set>
+#include <string>
 
 #include "config/service_config.h"
 #include "daemon/played_source.h"
@@ -22,8 +24,12 @@ struct OpenedRecording {
   capture::Timestamp first_at = {};  // of the first frame of all cameras
   std::shared_ptr<recordings::ReplaySource*> pass = nullptr;
   PlayedSource* played = nullptr;  // null: cannot be paused
-  // The files contradict the recording's times; each contradiction is logged when it is found.
-  std::shared_ptr<std::atomic<bool>> are_times_contradicted = std::make_shared<std::atomic<bool>>(false);
+  // What in the files contradicts the recording's times: logged when a camera's thread finds it.
+  struct ContradictedTimes {
+    std::mutex mutex;
+    std::set<std::string> texts;
+  };
+  std::shared_ptr<ContradictedTimes> contradicted_times = std::make_shared<ContradictedTimes>();
 
   // Of the current pass; not while the session runs.
   recordings::ReplaySource& source() const { return **pass; }

@@ -386,9 +386,10 @@ ReplaySummary summary_of(const config::ServiceConfig& config, const ReplayComman
 
 // The mistakes, and without the advice that they make void. at_end: the configuration in force then.
 void add_mistakes(const config::ServiceConfig& config, const config::ServiceConfig& at_end,
-                  const recordings::ReplaySource& source, const reports::Reports& reports, ReplaySummary& summary) {
+                  const recordings::ReplaySource& source, bool are_times_contradicted, const reports::Reports& reports,
+                  ReplaySummary& summary) {
   summary.mistakes = source.mistakes();  // first: the files themselves say it
-  std::ranges::copy(reports.mistakes.summary(), std::back_inserter(summary.mistakes));
+  std::ranges::copy(reports.mistakes.summary(are_times_contradicted), std::back_inserter(summary.mistakes));
   for (const std::string& reason : {turned_text(source), rates_text(source)})
     if (reports.mistakes.has_explained_rig() && !reason.empty()) summary.mistakes.push_back(reason);
   const std::string unit_mistake = config::unit_mistake(config);
@@ -433,11 +434,7 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
   // The outputs, in order.
   std::optional<pipeline::Bus> bus;
   if (config.dds.enabled && !command.no_dds) session.add(bus.emplace(config.dds.publisher, session.time()));
-  reports::Reports reports(session, {.write_rig = command.write_rig,
-                                     .is_recorded = true,
-                                     .are_times_in_doubt = [contradicted = playback.are_times_contradicted] {
-                                       return contradicted->load();
-                                     }});
+  reports::Reports reports(session, {.write_rig = command.write_rig, .is_recorded = true});
   std::optional<ReplayStatus> status;
   if (bus) session.add(status.emplace(session.config(), *bus, session.time(), playback.played, reports));
   std::optional<pipeline::TrackFile> tracks;
@@ -471,7 +468,8 @@ ReplaySummary replay(const ReplayCommand& command, const std::stop_token& stop) 
                                      stop.stop_requested(), reports.mistakes.do_views_contradict());
   if (playback.played != nullptr) summary.held_s = capture::seconds(playback.played->paused());
   summary.wall_s -= summary.held_s;
-  add_mistakes(config, session.config(), playback.source(), reports, summary);
+  add_mistakes(config, session.config(), playback.source(), !playback.contradicted_times->texts.empty(), reports,
+               summary);
   summary.clutter = reports.objects.summary();
   summary.light = reports.light.summary();
   summary.times = reports.times.summary();

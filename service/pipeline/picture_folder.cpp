@@ -3,36 +3,25 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
-#include <stdexcept>
+#include <system_error>
 
 namespace huetrack::pipeline {
 namespace {
 
-// Pictures of an earlier run would be taken for this one's. A person's own pictures have other names.
-void remove_earlier_pictures(const std::filesystem::path& folder) {
-  const auto is_ours = [](const std::string& name) {
-    for (const std::string_view kind : {"set_", "camera_"})
-      if (name.starts_with(kind) && name.ends_with(".png") &&
-          name.find_first_not_of("0123456789", kind.size()) == name.size() - std::string_view(".png").size())
-        return true;
-    return name == "track_3d.png" || name == "camera_3d.png";
-  };
-  std::error_code none;
-  std::vector<std::filesystem::path> earlier;
-  for (const auto& entry : std::filesystem::directory_iterator(folder, none))
-    if (is_ours(entry.path().filename().string())) earlier.push_back(entry.path());
-  for (const auto& picture : earlier)
-    if (!std::filesystem::remove(picture, none) || none)
-      throw std::runtime_error(picture.string() +
-                               ", a picture of an earlier run, cannot be removed: " + none.message());
-  if (!earlier.empty()) spdlog::info("{}: replaced the earlier run's {} pictures", folder.string(), earlier.size());
+void warn_of_other_pictures(const std::filesystem::path& folder) {
+  std::error_code none;  // no folder yet
+  const auto pictures = std::count_if(std::filesystem::directory_iterator(folder, none), {},
+                                      [](const auto& entry) { return entry.path().extension() == ".png"; });
+  if (pictures > 0)
+    spdlog::warn("{} has {} pictures already: this run replaces those of the same names, and the others stay",
+                 folder.string(), pictures);
 }
 
 }  // namespace
 
 PictureFolder::PictureFolder(const config::ServiceConfig& config, const std::filesystem::path& folder)
     : config_(config), tracks_(config.targets.size()) {
-  remove_earlier_pictures(folder);
+  warn_of_other_pictures(folder);
   if (!config.targets.empty()) sets_.emplace(config, folder);
   if (!config.camera_tracking.camera.empty()) camera_.emplace(config, folder);
 }

@@ -10,12 +10,22 @@
 
 namespace huetrack::reports {
 
-MistakeReport::MistakeReport(const config::ServiceConfig& config, bool is_recorded,
-                             std::function<bool()> are_times_in_doubt)
-    : is_recorded_(is_recorded),
-      are_times_in_doubt_(std::move(are_times_in_doubt)),
-      cameras_(config.rig.camera_names()),
-      targets_(config.targets) {}
+namespace {
+
+bool do_name_times(const pipeline::TrackedSet& set) {
+  return std::ranges::any_of(set.mistakes, [](const auto& of_target) {
+    return std::ranges::any_of(of_target, [](const view_watch::Mistake& mistake) {
+      using enum view_watch::MistakeKind;
+      return mistake.kind == late || mistake.kind == uneven_times || mistake.kind == delayed ||
+             mistake.kind == converted || mistake.kind == exchanged;
+    });
+  });
+}
+
+}  // namespace
+
+MistakeReport::MistakeReport(const config::ServiceConfig& config, bool is_recorded)
+    : is_recorded_(is_recorded), cameras_(config.rig.camera_names()), targets_(config.targets) {}
 
 void MistakeReport::on_set(const pipeline::TrackedSet& set) {
   if (!first_at_) first_at_ = set.frames.at;
@@ -25,7 +35,7 @@ void MistakeReport::on_set(const pipeline::TrackedSet& set) {
   std::vector<std::string> now, kinds;
   std::vector<std::pair<std::size_t, view_watch::Mistake>> named_now;  // target, mistake
   const bool are_times_in_doubt = do_name_times(set);
-  were_times_in_doubt_ = were_times_in_doubt_ || are_times_in_doubt;
+  have_times_been_named_ = have_times_been_named_ || are_times_in_doubt;
   for (const auto& of_target : set.mistakes)
     if (std::ranges::any_of(of_target, view_watch::is_of_rig, &view_watch::Mistake::kind)) has_rig_mistake_ = true;
   if (std::ranges::any_of(set.calibration, [](const auto& camera) { return camera.moved && !camera.is_mended; }))
@@ -62,20 +72,6 @@ void MistakeReport::on_set(const pipeline::TrackedSet& set) {
   warnings_ = std::move(now);
 }
 
-bool MistakeReport::do_name_times(const pipeline::TrackedSet& set) const {
-  const auto is_of_times = [](const view_watch::Mistake& mistake) {
-    using enum view_watch::MistakeKind;
-    return mistake.kind == late || mistake.kind == uneven_times || mistake.kind == delayed ||
-           mistake.kind == converted || mistake.kind == exchanged;
-  };
-  bool is_any = false;
-  for (const auto& of_target : set.mistakes) {
-    if (std::ranges::any_of(of_target, is_of_times)) return true;
-    is_any = is_any || !of_target.empty();
-  }
-  return is_any && are_times_in_doubt_ && are_times_in_doubt_();
-}
-
 void MistakeReport::note_frames(const capture::FrameSet& frames) {
   spans_.resize(frames.frames.size());
   for (std::size_t c = 0; c < spans_.size(); ++c) {
@@ -104,13 +100,14 @@ std::vector<std::string> MistakeReport::warnings() const {
   return warnings_;
 }
 
-std::vector<std::string> MistakeReport::summary() const {
+std::vector<std::string> MistakeReport::summary(bool are_times_contradicted) const {
   std::vector<std::string> all;
+  const bool are_in_doubt = are_times_contradicted || have_times_been_named_;
   for (const std::string& kind : order_) {
     const Named& named = ever_.at(kind);
     if (named.is_radius() && has_rig_mistake_) continue;
     // What was said before wrong times were found is corrected.
-    const std::string sentence = were_times_in_doubt_ && !named.is_radius()
+    const std::string sentence = are_in_doubt && !named.is_radius()
                                      ? mistake_text(named.mistake, targets_[named.target], cameras_, is_recorded_, true)
                                      : named.sentence;
     all.push_back(fmt::format("from {:.1f} s on: {}", named.at_s, sentence));

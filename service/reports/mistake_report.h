@@ -3,7 +3,6 @@
 #pragma once
 
 #include <atomic>
-#include <functional>
 #include <map>
 #include <mutex>
 #include <optional>
@@ -17,8 +16,7 @@ namespace huetrack::reports {
 class MistakeReport final : public pipeline::Output {
  public:
   // is_recorded: the advice is about files and videos; otherwise about cameras
-  // are_times_in_doubt: something else warns of time stamps that are wrong or unknown; called by on_set(). {}: nothing
-  MistakeReport(const config::ServiceConfig& config, bool is_recorded, std::function<bool()> are_times_in_doubt = {});
+  MistakeReport(const config::ServiceConfig& config, bool is_recorded);
 
   void on_set(const pipeline::TrackedSet& set) override;
   void on_config(const config::ServiceConfig& config) noexcept override;
@@ -26,7 +24,8 @@ class MistakeReport final : public pipeline::Output {
   // In force now, one sentence each. thread-safe
   std::vector<std::string> warnings() const;
   // All mistakes since the start, one sentence each, with the time since the first set. After the run.
-  std::vector<std::string> summary() const;
+  // are_times_contradicted: the recording's files do; time stamps come before the calibration then
+  std::vector<std::string> summary(bool are_times_contradicted = false) const;
   // Since the start: a measured radius means nothing then (radius_advice.h). thread-safe
   bool do_views_contradict() const { return has_rig_mistake_ || has_moved_; }
   // A mistake explains that the search could not succeed: a camera or the rig is wrong. After the run.
@@ -45,18 +44,16 @@ class MistakeReport final : public pipeline::Output {
     std::uint32_t first = 0, last = 0;  // numbers
     capture::Timestamp first_at{}, last_at{};
   };
-  bool do_name_times(const pipeline::TrackedSet& set) const;  // the mistakes of the set: wrong time stamps
   void note_frames(const capture::FrameSet& frames);
   double frames_per_second(std::size_t camera) const;  // 0: unknown
 
   const bool is_recorded_;
-  const std::function<bool()> are_times_in_doubt_;
   std::vector<Span> spans_;  // the tracking thread's
   std::vector<std::string> cameras_;
   std::optional<capture::Timestamp> first_at_;  // the tracking thread's
   std::map<std::string, Named> ever_;           // guarded by mutex_; by target, kind and cameras
   bool has_explained_rig_ = false;
-  bool were_times_in_doubt_ = false;  // guarded by mutex_
+  bool have_times_been_named_ = false;  // guarded by mutex_
   std::atomic<bool> has_rig_mistake_ = false;
   std::atomic<bool> has_moved_ = false;  // a camera, since a known moment: what was measured before holds
   std::vector<std::string> order_;       // the tracking thread's; keys of ever_ in order of appearance

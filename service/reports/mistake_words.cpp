@@ -76,12 +76,12 @@ std::string mistake_text(const view_watch::Mistake& mistake, const object_tracki
           "{} wherever {} is: {} looks turned by {:.1f} degrees since it was calibrated{}: {}", disagrees, target.name,
           it, mistake.size * 180 / std::numbers::pi,
           mistake.zoom == 1 ? "" : fmt::format(", or its focal length is {:.2f} times the rig's (zoom)", mistake.zoom),
-          unless_by_times("fasten it and calibrate again"));
+          "fasten it and calibrate again");
     case MistakeKind::zoomed:
       return fmt::format(
           "{}, and by more the farther {} is from the image centre: its focal length looks {:.2f} times the rig's "
           "(zoom, focus, another lens or crop): {}",
-          disagrees, target.name, mistake.size, unless_by_times("restore it, or calibrate it again"));
+          disagrees, target.name, mistake.size, "restore it, or calibrate it again");
     case MistakeKind::mirrored:
       if (is_either)
         return fmt::format(

@@ -7,7 +7,7 @@ namespace huetrack::reports {
 
 Reports::Reports(pipeline::Session& session, const ReportsOptions& options)
     : light(session.config(), options.is_recorded),
-      mistakes(session.config(), options.is_recorded, options.are_times_in_doubt),
+      mistakes(session.config(), options.is_recorded),
       objects(session.config()),
       rig(session.config()),
       times(session.config(), options.write_rig, options.is_logging_times, &rig) {

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <filesystem>
-#include <functional>
 #include <string>
 #include <vector>
 
@@ -16,10 +15,9 @@
 namespace huetrack::reports {
 
 struct ReportsOptions {
-  std::filesystem::path write_rig = {};           // CameraTimes: rig with estimated timing; empty: no file
-  bool is_logging_times = false;                  // CameraTimes
-  bool is_recorded = false;                       // LightReport, MistakeReport
-  std::function<bool()> are_times_in_doubt = {};  // MistakeReport
+  std::filesystem::path write_rig = {};  // CameraTimes: rig with estimated timing; empty: no file
+  bool is_logging_times = false;         // CameraTimes
+  bool is_recorded = false;              // LightReport, MistakeReport
 };
 
 // The constructor adds all reports to the session. Outlives the session's run.

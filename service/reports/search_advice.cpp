@@ -73,8 +73,8 @@ std::string what_to_try(const objects::SearchFindings& findings, const object_tr
         "colour, or turn the cameras to where it is",
         100 * double(findings.sets_in_two) / double(findings.sets));
   if (do_views_contradict)
-    return "all cameras show regions of its colour, but the views contradict one another: first correct "
-           "what the other warnings say of that";
+    return "all cameras show regions of its colour, but the views contradict one another: the other "
+           "warnings say why: correct that first";
   if (is_found_at_times)
     return "all cameras show regions of its colour, but these are no ball of its size in the volume: it is hidden, and "
            "other things have its colour: narrow the colour, or turn a camera to where it is hidden";

@@ -91,12 +91,11 @@ TEST_F(EndToEnd, TheSameRecordingGivesTheSameBytes) {
   EXPECT_EQ(tracks({"--pictures", folder_ / "pictures", "--pictures-every", "25"}), first);
   EXPECT_TRUE(fs::exists(folder_ / "pictures/set_000125.png"));
   EXPECT_TRUE(fs::exists(folder_ / "pictures/track_3d.png"));
-  // A second run into the folder replaces the first one's, and nothing else.
-  std::ofstream(folder_ / "pictures/mine.png") << "a person's";
-  EXPECT_EQ(tracks({"--pictures", folder_ / "pictures", "--pictures-every", "40"}), first);
-  EXPECT_FALSE(fs::exists(folder_ / "pictures/set_000125.png"));
+  // A second run into the folder says that there are pictures, and removes none.
+  const Run again = replay(recording, {"--pictures", folder_ / "pictures", "--pictures-every", "40"});
+  EXPECT_THAT(again.output, HasSubstr("pictures has"));
+  EXPECT_TRUE(fs::exists(folder_ / "pictures/set_000125.png"));
   EXPECT_TRUE(fs::exists(folder_ / "pictures/set_000120.png"));
-  EXPECT_TRUE(fs::exists(folder_ / "pictures/mine.png"));
 }
 
 TEST_F(EndToEnd, VideosWithoutARecordingFileGiveTheSameTrack) {

@@ -19,6 +19,10 @@ class MistakeReportOfLime : public testing::Test {
  protected:
   void see(double at_s, const std::vector<Mistake>& mistakes,
            const std::vector<pipeline::CameraCalibration>& calibration = {}) {
+    see_in(report, at_s, mistakes, calibration);
+  }
+  static void see_in(MistakeReport& report, double at_s, const std::vector<Mistake>& mistakes,
+                     const std::vector<pipeline::CameraCalibration>& calibration = {}) {
     capture::FrameSet frames;
     frames.at = capture::Timestamp(capture::duration_of(at_s));
     const std::vector<std::vector<Mistake>> of_targets{mistakes};
@@ -97,17 +101,11 @@ TEST_F(MistakeReportOfLime, DoesNotAdviseToCalibrateWhereTimesAreInDoubt) {
   see(2, {contradiction});
   EXPECT_THAT(report.warnings(), ElementsAre(HasSubstr("calibrate again")));
 
-  MistakeReport unknown{config, false, [] { return true; }};
-  capture::FrameSet frames;
-  const std::vector<std::vector<Mistake>> of_targets{
-      {contradiction, {.kind = MistakeKind::turned, .cameras = {1}, .size = 0.02}}};
-  unknown.on_set({.frames = frames,
-                  .estimates = {},
-                  .received_at = {},
-                  .trackers = {},
-                  .calibration = {},
-                  .mistakes = of_targets});
-  EXPECT_THAT(unknown.warnings(), ElementsAre(by_times, HasSubstr("first correct the time stamps")));
+  // The recording's files say at the end that its times are wrong.
+  MistakeReport before{config, true};
+  see_in(before, 0, {contradiction, {.kind = MistakeKind::turned, .cameras = {1}, .size = 0.02}});
+  EXPECT_THAT(before.summary(), ElementsAre(HasSubstr("calibrate again"), HasSubstr("fasten it and calibrate again")));
+  EXPECT_THAT(before.summary(true), ElementsAre(by_times, HasSubstr("fasten it and calibrate again")));
 }
 
 // Before a camera's move is mended, its views are inconsistent by what is known already.

@@ -46,7 +46,7 @@ TEST(SearchAdvice, SaysNothingOfTheRadiusWhereTheViewsContradictOneAnother) {
   objects::SearchFindings findings = findings_of({100, 100});
   findings.radius_m = findings.radius_before_m = 0.08;
   EXPECT_THAT(search_advice(findings, target_of(0.04), {"a", "b"}, true),
-              AllOf(testing::Not(HasSubstr("radius")), HasSubstr("first correct what the other warnings say"),
+              AllOf(testing::Not(HasSubstr("radius")), HasSubstr("the other warnings say why: correct that first"),
                     testing::Not(HasSubstr("calibrat"))));
   EXPECT_EQ(late_advice(findings, target_of(0.04), true), "");
 }
@@ -58,7 +58,6 @@ TEST(SearchAdvice, NamesCamerasThatDoNotShowTheColor) {
               HasSubstr("its colour is seen by a but hardly ever by b: set camera_colors"));
 }
 
-// h becomes 240 - h: orange in the place of blue.
 TEST(SearchAdvice, OneCameraWhoseRoomHasTheColourTakesANarrowerOne) {
   objects::SearchFindings findings = findings_of({100});
   object_tracking::TargetOptions target = target_of(0.04);
@@ -72,6 +71,7 @@ TEST(SearchAdvice, OneCameraWhoseRoomHasTheColourTakesANarrowerOne) {
   EXPECT_THAT(search_advice(findings, target, {"a"}, false), HasSubstr("takes two cameras"));
 }
 
+// h becomes 240 - h: orange in the place of blue.
 TEST(SearchAdvice, NamesTheHueWithRedAndBlueSwappedWhereNoCameraShowsTheColor) {
   object_tracking::TargetOptions blue = target_of(0.04);
   blue.color.hue_min_deg = 195, blue.color.hue_max_deg = 230;
