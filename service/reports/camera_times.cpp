@@ -126,21 +126,11 @@ std::vector<CameraTimingEstimate> CameraTimes::timing() const {
   return stated();
 }
 
-void CameraTimes::note_arrival(const capture::Frame& frame, Period& period) {
-  if (frame.arrived_at == capture::Timestamp{} || frame.stamped_at != frame.arrived_at) return;
-  period.arrivals = std::min(period.arrivals + 1, averaged_intervals);
-  const double off_s = capture::seconds(frame.stamped_at - frame.captured_at) - period.arrival_s;
-  period.arrival_s += off_s / period.arrivals;
-  period.arrival_variance_s2 +=
-      (off_s * off_s * (1 - 1.0 / period.arrivals) - period.arrival_variance_s2) / period.arrivals;
-}
-
 void CameraTimes::note_periods(const capture::FrameSet& frames) {
   periods_.resize(rig_.cameras.size());
   for (std::size_t c = 0; c < periods_.size() && c < frames.frames.size(); ++c) {
     if (!frames.frames[c]) continue;
     Period& period = periods_[c];
-    note_arrival(*frames.frames[c], period);
     const auto before = std::exchange(period.last, frames.frames[c]->captured_at);
     if (!before) continue;
     period.intervals = std::min(period.intervals + 1, averaged_intervals);
@@ -156,10 +146,8 @@ CameraTimes::Estimates CameraTimes::stated() const {
   for (std::size_t c = 0; c < times.size(); ++c) {
     const bool has_period = is_learning_ && periods_[c].intervals == averaged_intervals;
     const double excess_s = has_period ? std::max(0.0, std::abs(times[c].readout_s) - periods_[c].mean_s) : 0;
-    // The delays of a network last for many frames, so they do not average out as the estimate takes them to.
-    const double doubt_s = std::hypot(excess_s, is_learning_ ? std::sqrt(periods_[c].arrival_variance_s2) : 0);
-    times[c].readout_sigma_s = std::hypot(times[c].readout_sigma_s, doubt_s);
-    times[c].latency_sigma_s = std::hypot(times[c].latency_sigma_s, uneven_s_[c], doubt_s);
+    times[c].readout_sigma_s = std::hypot(times[c].readout_sigma_s, excess_s);
+    times[c].latency_sigma_s = std::hypot(times[c].latency_sigma_s, uneven_s_[c], excess_s);
   }
   return times;
 }

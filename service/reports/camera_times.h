@@ -39,6 +39,7 @@ class CameraTimes final : public pipeline::Output {
  private:
   using Estimates = std::vector<object_tracking::CameraTimingEstimate>;  // per camera of the rig
   void log_changes(const Estimates& now);
+  void note_periods(const capture::FrameSet& frames);
   // timing_, as uncertain as the time stamps were found to vary, and as it is off what a camera can have.
   Estimates stated() const;
 
@@ -52,12 +53,7 @@ class CameraTimes final : public pipeline::Output {
     std::optional<capture::Timestamp> last = {};
     double mean_s = 0;
     int intervals = 0;
-    // Of frames that were stamped on arrival: how much later that was than the smoothed time, and its variance.
-    double arrival_s = 0, arrival_variance_s2 = 0;
-    int arrivals = 0;
   };
-  void note_periods(const capture::FrameSet& frames);
-  static void note_arrival(const capture::Frame& frame, Period& period);
   std::vector<Period> periods_;  // of frames; as uneven_s_
   Estimates logged_;             // the tracking thread's; latency sigma infinite: not logged yet
   mutable std::mutex mutex_;

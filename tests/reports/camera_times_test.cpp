@@ -122,26 +122,6 @@ TEST(CameraTimes, AReadoutLongerThanTheFramePeriodIsNotKnown) {
   EXPECT_TRUE(times.rig().cameras[0].timing.readout_s);
 }
 
-// A network delays frames by varying amounts: what is estimated from their arrivals is no better known than that.
-TEST(CameraTimes, ArrivalsThatVaryMakeTimesUncertain) {
-  using namespace std::chrono_literals;
-  CameraTimes times(two_cameras(), {}, false);
-  capture::FrameSet set;
-  set.frames.resize(2);
-  for (int k = 0; k < 200; ++k) {
-    for (capture::Frame* frame : {&set.frames[0].emplace(), &set.frames[1].emplace()}) {
-      frame->captured_at = capture::Timestamp(33333us * (k + 1));
-      frame->stamped_at = frame->captured_at + 10ms + (k % 2 == 0 ? 4ms : -4ms);
-    }
-    set.frames[1]->arrived_at = set.frames[1]->stamped_at;  // the other one has a driver's stamps
-    take(times, {target_at(1, {reference, known})}, set);
-  }
-  EXPECT_NEAR(times.timing()[1].latency_sigma_s, 0.004, 2e-4);
-  EXPECT_NEAR(times.timing()[1].readout_sigma_s, 0.0041, 2e-4);
-  EXPECT_FALSE(times.rig().cameras[1].timing.latency_s);
-  EXPECT_EQ(times.timing()[0].readout_sigma_s, reference.readout_sigma_s);
-}
-
 // Regression: unused timing was written to the rig as exactly 0.
 TEST(CameraTimes, FixedTimingIsNotLearntAndNotWritten) {
   config::ServiceConfig fixed = two_cameras();
