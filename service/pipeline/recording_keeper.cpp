@@ -105,18 +105,8 @@ void RecordingKeeper::supervise() {
   const std::scoped_lock lock(supervised_);
   if (!recorder_) return;
   if (!is_finished_) recorder_->end_when_due();
-  if (!saved_lost_at_ || std::chrono::steady_clock::now() - *saved_lost_at_ >= length_of_pre_roll()) save_lost();
+  if (has_lost_.exchange(false) && record_.on_lost && (has_pre_roll() || is_always())) save("lost");
   write_changes();
-}
-
-void RecordingKeeper::save_lost() {
-  if (!has_lost_.exchange(false) || !record_.on_lost || !(has_pre_roll() || is_always())) return;
-  save("lost");
-  saved_lost_at_ = std::chrono::steady_clock::now();
-}
-
-capture::Duration RecordingKeeper::length_of_pre_roll() const {
-  return recorder_->figures().pre_roll_that_fits.value_or(capture::duration_of(record_.pre_roll_s));
 }
 
 // Not on the pipeline's threads, which only note the changes.
@@ -221,7 +211,6 @@ std::filesystem::path RecordingKeeper::save_on_request(const std::string& why) {
 void RecordingKeeper::finish(capture::Duration patience) {
   const std::scoped_lock lock(supervised_);
   if (!recorder_) return;
-  save_lost();
   recorder_->finish(patience);
   is_finished_ = true;
   write_changes();

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <atomic>
-#include <chrono>
 #include <filesystem>
 #include <mutex>
 #include <optional>
@@ -37,8 +36,7 @@ class RecordingKeeper final : public Output {
   void on_set(const TrackedSet& set) override;
   void on_config(const config::ServiceConfig& config) noexcept override;
 
-  // Call regularly: ends recordings, saves the pre-roll of a lost target, writes changes. One that is lost soon after
-  // another is saved when the pre-roll holds all since that was saved: one recording for many.
+  // Call regularly: ends recordings, saves the pre-roll of a lost target, writes changes.
   void supervise();
   // Into a folder named by the time and `why` ("signal": requested by a signal). Failures are logged, or warnings.
   void save_pre_roll(const std::string& why);
@@ -69,8 +67,6 @@ class RecordingKeeper final : public Output {
   std::filesystem::path new_folder(const std::string& why) const;
   void write_changes();
   void save(const std::string& why);
-  void save_lost();
-  capture::Duration length_of_pre_roll() const;
   Recorder& requested_recorder();  // throws std::runtime_error
 
   bool is_always() const { return record_.always || !options_.record_to.empty(); }  // the whole run
@@ -85,7 +81,6 @@ class RecordingKeeper final : public Output {
   std::optional<ChangesWriter> changes_;    // set by begin(), or never
   std::filesystem::path folder_;            // of the current or last recording
   std::string problem_;                     // empty: none
-  std::optional<std::chrono::steady_clock::time_point> saved_lost_at_;
   bool is_finished_ = false;
 
   std::vector<object_tracking::TrackState> states_;  // the tracking thread's; per target

@@ -354,34 +354,6 @@ TEST_F(Live, SavesThePreRollWhenATargetIsLost) {
   EXPECT_THAT(recordings[0].filename().string(), testing::EndsWith("Z-lost"));
 }
 
-TEST_F(Live, LossesWithinAPreRollAreOneRecording) {
-  rewrite("65, 115",
-          "object_tracking: {coast_s: 0.1}\n"
-          "record: {folder: " +
-              (folder_ / "recordings").string() + ", pre_roll_s: 20, after_s: 0.1}\n");
-  config_ = config::load_service_config(folder_ / "c.yaml");
-  auto pictures = first_frames(demo / "recording", {"cam0", "cam1"}, 140);
-  const capture::Timestamp start = capture::unix_now() + 50ms;
-  std::vector<LiveCamera> list;
-  for (std::size_t c = 0; c < 2; ++c) {
-    for (std::size_t i = 0; i < pictures[c].size(); ++i) {
-      pictures[c][i].encoded.reset();
-      if (i % 35 < 20) continue;  // the lights go out, four times
-      const capture::Image& before = pictures[c][i].pixels;
-      pictures[c][i].pixels =
-          capture::make_image(capture::PixelFormat::grey, capture::ColorRange::full, before.width, before.height).image;
-    }
-    list.push_back(FakeCamera(int(c), std::move(pictures[c]), start, false).live());
-  }
-  run_live(config_, std::move(list), options_, requests_, {});
-  const auto recordings = folders_in(folder_ / "recordings");
-  ASSERT_EQ(recordings.size(), 2u) << "the first one, and at the end the others";
-  for (const auto& recording : recordings) {
-    recordings::ReplaySource source(recordings::read_recording(recording), std::vector<std::string>{"cam0", "cam1"});
-    EXPECT_TRUE(source.next({})) << recording;
-  }
-}
-
 TEST_F(Live, WithoutCamerasTheErrorSaysWhatToDo) {
   EXPECT_THAT([&] { run_live(config_, {}, options_, requests_, {}); },
               testing::ThrowsMessage<std::runtime_error>(HasSubstr("cameras: there are none")));
