@@ -207,8 +207,8 @@ ExitStatus calibrate_and_write(const WavedOptions& o, const WavedInput& in, wave
     throw solver::CalibrationError("the result is not a valid rig: " + problem);
   const std::filesystem::path file = place_for(report.verdict, o.rig, o.overwrite);
   calib::write_rig(result.rig, file);
-  std::printf("%s\n", file.c_str());
   if (!options.hold_poses) std::printf("%s", report::next_step_text(result).c_str());
+  std::printf("%s\n", file.c_str());
   return status_of(report.verdict);
 }
 

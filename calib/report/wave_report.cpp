@@ -419,8 +419,7 @@ std::string next_step_text(const WaveResult& result) {
   };
   return fmt::format(
       "The ball was in this part of the rig's world. Without a volume in the configuration, targets are searched in "
-      "[-1, "
-      "-1, 0] to [1, 1, 2]:\nobject_tracking: {{volume: {{min: {}, max: {}}}}}\n",
+      "[-1, -1, 0] to [1, 1, 2]:\nobject_tracking: {{volume: {{min: {}, max: {}}}}}\n",
       text_of(result.path_min), text_of(result.path_max));
 }
 

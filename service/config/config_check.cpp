@@ -283,11 +283,11 @@ std::string rig_warning(const calib::CameraRig& rig) {
       made.checks.back().verdict != calib::mended_verdict)
     return "the rig was found " + made.checks.back().verdict + " when it was last checked: " + made.text(now);
   if (const std::string verdict = made_by(rig, "verdict");
-      made.checks.empty() && !verdict.empty() && verdict != "usable") {
+      !verdict.empty() && verdict != "usable" && (made.checks.empty() || !made_by(rig, "doubt").empty())) {
     const std::string error_mm = made_by(rig, "expected_error_mm"), doubt = made_by(rig, "doubt");
     return fmt::format("the rig was {} when it was calibrated{}: {}", verdict,
                        error_mm.empty() ? "" : ", with an expected error of positions of " + error_mm + " mm",
-                       doubt.empty() ? "calibrate as that report advises" : doubt);
+                       doubt.empty() ? "calibrate again, and follow the report's advice" : doubt);
   }
   const auto seen = made.checks.empty() ? made.at : std::optional(made.checks.back().at);
   if (seen && now - *seen > old)

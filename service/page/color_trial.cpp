@@ -133,7 +133,7 @@ class TrialWatch final : public pipeline::Output {
 ColorTrial try_color(config::ServiceConfig config, std::span<const std::string> words,
                      const object_tracking::TargetOptions& target, const SeenAt& seen, const std::stop_token& stop) {
   config.targets = {target};
-  // It moves the object and its surroundings alike: the object is distinguished from them in the pictures.
+  // An uncertain rig moves the object and its surroundings alike: the pictures distinguish them.
   config.rig.uncertainty.reset();
   const recordings::Recording recording = recordings::read_recording(words);
   auto source = std::make_unique<recordings::ReplaySource>(

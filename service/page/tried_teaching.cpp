@@ -39,8 +39,10 @@ std::string other_reason(const color_teaching::Lesson& lesson, const calib::Came
   return "";
 }
 
+// Another such object is at least a diameter away; nearer, it is a part of the clicked one.
 bool is_elsewhere(const ColorTrial& trial, const color_teaching::Lesson& lesson) {
-  return trial.is_sure && trial.at_point && !trial.is_found() && lesson.target.count == 1;
+  return trial.is_sure && trial.at_point && trial.at_point->px > 2 * trial.at_point->limit_px &&
+         lesson.target.count == 1;
 }
 
 // cameras: of the rig. is_sized: the radius is configured.
@@ -122,7 +124,9 @@ TriedLesson TriedTeaching::best_width(TriedLesson best, const std::stop_token& s
       if (!lesson.why_useless.empty()) break;
       TriedLesson next = untried(std::move(lesson));
       try_it(next, stop);
-      const bool is_better = next.precision() > best.precision();
+      // Once it is found: tracked as often at least, and surer.
+      const bool is_better =
+          next.precision() > best.precision() && (!best.is_found() || next.trial.tracking >= best.trial.tracking);
       if (!is_better && best.is_found()) break;
       if (!is_better) continue;
       fmt::print("  --wider {}: {}\n", wider, words(next));

@@ -474,17 +474,14 @@ void Pipeline::update_searches() {
     searches.push_back(tracker.search_findings());
     of_run.push_back(tracker.search_findings_of_run());
   }
-  {
-    const std::scoped_lock lock(replacements_mutex_);
-    for (const Replacement& next : replacements_)
-      if (!next.from) forget_searches(next, searches);
-  }
-  const std::scoped_lock lock(figures_mutex_);
+  const std::scoped_lock lock(replacements_mutex_, figures_mutex_);
+  for (const Replacement& next : replacements_)
+    if (!next.from) forget_searches(next, searches);
   figures_.searches = std::move(searches);
   figures_.searches_of_run = std::move(of_run);
 }
 
-// What was searched says nothing of what replaces it, which no set was tried with: a paused replay has none.
+// What was searched says nothing of what replaces it: while a replay is paused, no frame set was tracked with that.
 void Pipeline::forget_searches(const Replacement& next, std::vector<objects::SearchFindings>& searches) {
   for (const auto& [target, options, tracker] : next.trackers)
     if (target < searches.size()) searches[target] = {};

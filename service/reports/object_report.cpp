@@ -46,7 +46,7 @@ std::string extra_object_text(const object_tracking::TargetOptions& target, cons
         target.name, target.count, text_of(at));
   return fmt::format(
       "{}: something else has its colour and its size, at {}, and may be tracked instead: if there are several "
-      "objects, write count: the number of balls; if not, narrow the colour, or ignore the place",
+      "objects, set count to the number of balls; if not, narrow the colour, or ignore the place",
       target.name, text_of(at));
 }
 

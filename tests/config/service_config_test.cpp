@@ -600,7 +600,7 @@ TEST_F(ServiceConfigFile, WarnsOfARigThatWasDoubtfulWhenItWasMade) {
               ElementsAre("the rig was doubtful when it was calibrated, with an expected error of positions of 85.3 "
                           "mm: throw the ball"));
   EXPECT_THAT(warnings_with({{"verdict", "doubtful"}}, {}),
-              ElementsAre(HasSubstr("when it was calibrated: calibrate as that report advises")));
+              ElementsAre(HasSubstr("when it was calibrated: calibrate again")));
   const auto now = std::chrono::floor<std::chrono::seconds>(std::chrono::system_clock::now());
   EXPECT_THAT(warnings_with({{"verdict", "doubtful"}}, {{now, "usable", ""}}), IsEmpty());
 }

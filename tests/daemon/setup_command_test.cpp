@@ -61,7 +61,7 @@ TEST_F(SetUp, AFilmOfOneCameraGetsAConfiguration) {
   set_up_film(command, {});
   EXPECT_THAT(testing::internal::GetCapturedStdout(),
               AllOf(HasSubstr("a film of 64x48"), HasSubstr("--at cam0,FRAME,U,V"),
-                    HasSubstr("40 mm until you set it: all distances grow with it, and teaching works without")));
+                    HasSubstr("40 mm until you set it; teaching works without it")));
   const config::ServiceConfig config = config::load_service_config(command.config);
   ASSERT_EQ(config.rig.cameras.size(), 1u);
   EXPECT_EQ(config.rig.cameras[0].image_size, (calib::ImageSize{64, 48}));

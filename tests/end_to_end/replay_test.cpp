@@ -92,8 +92,9 @@ TEST_F(EndToEnd, TheSameRecordingGivesTheSameBytes) {
   EXPECT_TRUE(fs::exists(folder_ / "pictures/set_000125.png"));
   EXPECT_TRUE(fs::exists(folder_ / "pictures/track_3d.png"));
   // A second run into the folder says that there are pictures, and removes none.
-  const Run again = replay(recording, {"--pictures", folder_ / "pictures", "--pictures-every", "40"});
-  EXPECT_THAT(again.output, HasSubstr("pictures has"));
+  const Result again = run({HUETRACKD, "replay", config, recording, "--no-dds", "--pictures", folder_ / "pictures",
+                            "--pictures-every", "40"});
+  EXPECT_THAT(again.err, HasSubstr("pictures already"));
   EXPECT_TRUE(fs::exists(folder_ / "pictures/set_000125.png"));
   EXPECT_TRUE(fs::exists(folder_ / "pictures/set_000120.png"));
 }

@@ -27,7 +27,7 @@ TEST(ExtraObjectText, NamesPlaceAndRemedy) {
   target.name = "orange";
   EXPECT_THAT(extra_object_text(target, {0.31, 0.12, 1.1}),
               AllOf(HasSubstr("orange: something else has its colour and its size, at 0.31, 0.12, 1.10 m"),
-                    HasSubstr("write count: the number of balls")));
+                    HasSubstr("set count to the number of balls")));
   target.count = 3;
   EXPECT_THAT(extra_object_text(target, {0.31, 0.12, 1.1}),
               AllOf(HasSubstr("more objects than the 3 of its count"), HasSubstr("raise count")));

@@ -23,8 +23,8 @@ struct TimingEstimatorTuning {
 };
 inline constexpr TimingEstimatorTuning timing_tuning{};
 
-// The time of some of these rows is so uncertain (1 sigma over `same_time_s`: at some m/s, as many mm as all else leaves
-// open) that a moving object is not localised.
+// The time of some of these rows is so uncertain (1 sigma over `same_time_s`: at some m/s, as many mm as all else
+// leaves open) that a moving object is not localised.
 bool are_times_open(std::span<const object_tracking::Sighting> sightings, const object_tracking::MotionState& motion);
 
 // thread-compatible.
