@@ -173,7 +173,7 @@ void ObjectSighter::sight(const std::vector<TargetView>& views, const ObjectFilt
     const double log_size = std::log(disc_radius(chosen_region.area) / at.radius_px);
     chosen->missing = usual.missing(log_size);
     usual.add(log_size);
-    measure_covered(view, at, *chosen);
+    measure_covered(view, at, motion, *chosen);
     if (motion.has_size()) measure_hull(view, chosen_region, image_motion(view, at, motion), *chosen);
     // Inconsistent views are not refined: outlines do not show which view is wrong.
     if (!is_inconsistent) outlines_.sharpen(view, motion, *expected, s, *chosen);
@@ -185,7 +185,8 @@ void ObjectSighter::sight(const std::vector<TargetView>& views, const ObjectFilt
 
 // While something else is around the object, as the hand that holds it, its disc instead of its region: the region is
 // that of the visible part.
-void ObjectSighter::measure_covered(const TargetView& view, const BallProjection& at, Sighting& sighting) {
+void ObjectSighter::measure_covered(const TargetView& view, const BallProjection& at, const MotionState& motion,
+                                    Sighting& sighting) {
   const auto behind = outlines_.behind(static_cast<std::size_t>(view.index));
   const auto picture = behind ? picture_around(view, sighting.px) : std::nullopt;
   if (!picture) return;
@@ -193,11 +194,15 @@ void ObjectSighter::measure_covered(const TargetView& view, const BallProjection
   const double sample = sample_px(*view.image), radius_px = at.radius_px + sample / 2;
   const auto disc = covered_.measure(view, *picture, *behind, {sighting.px, radius_px});
   if (!disc) return;
+  // The disc's radius is as uncertain as the distance: much so, where one view alone shows it.
+  const Eigen::Vector3d ray = motion.position() - view.camera->centre();
+  const double of_radius_px2 = at.radius_px * at.radius_px * ray.dot(motion.position_covariance() * ray) /
+                               (ray.squaredNorm() * ray.squaredNorm());
   const BaseError base = base_error(at.radius_px, options_.pixel_noise_px, sample);
   const double bare_px = sighting_tuning.cut_error * disc->bare * radius_px;
   sighting.px = disc->px;
   sighting.covariance = disc->covariance + base.noise_px2 * Eigen::Matrix2d::Identity();
-  sighting.bias_sigma_px = std::sqrt(base.bias_px2 + disc->covariance.trace() / 2 + bare_px * bare_px);
+  sighting.bias_sigma_px = std::sqrt(base.bias_px2 + disc->covariance.trace() / 2 + of_radius_px2 + bare_px * bare_px);
 }
 
 // The object is part of a larger region, as in a hand of its colour: its outline alone is a measurement.

@@ -77,7 +77,7 @@ class ObjectSighter {
                                                    const object_tracking::BallProjection& at,
                                                    const Eigen::Matrix2d& spread);
   void measure_covered(const object_tracking::TargetView& view, const object_tracking::BallProjection& at,
-                       object_tracking::Sighting& sighting);
+                       const object_tracking::MotionState& motion, object_tracking::Sighting& sighting);
   std::optional<object_tracking::Sighting> outline_of_merged(const object_tracking::TargetView& view,
                                                              const object_tracking::MotionState& motion,
                                                              const object_tracking::ExpectedView& expected,
