@@ -58,6 +58,19 @@ void check_placement(const std::vector<calib::Camera>& cameras, bool is_inverted
   out.notes.push_back(std::move(note));
 }
 
+// Cameras on a ring around the world's origin: inverted, all poses are one place, of which no rig can be made.
+void refuse_one_place(std::vector<calib::Camera> cameras, const std::filesystem::path& file) {
+  constexpr double apart_m = 1e-6;
+  if (cameras.size() < 2 || calib::middle_of(cameras).widest > apart_m) return;
+  calib::invert_poses(cameras);
+  const double widest = calib::middle_of(cameras).widest;
+  if (widest > apart_m)
+    throw files::ConfigError(file, 0,
+                             fmt::format("all cameras are at one place; with the poses inverted (world_from_cam), they "
+                                         "are up to {:.3f} m apart: give --inverted-poses",
+                                         widest));
+}
+
 }  // namespace
 
 Imported import_rig(std::span<const std::filesystem::path> files, const ImportOptions& options) {
@@ -69,6 +82,7 @@ Imported import_rig(std::span<const std::filesystem::path> files, const ImportOp
   for (calib::Camera& camera : out.rig.cameras) camera.cam_from_world.translation *= options.metres_per_unit;
   if (options.inverts_poses) calib::invert_poses(out.rig.cameras);
   if (options.has_opengl_axes) turn_opengl_axes(out.rig.cameras);
+  if (!options.inverts_poses) refuse_one_place(out.rig.cameras, file);
   const double widest = calib::middle_of(out.rig.cameras).widest;
   constexpr double widest_rig_m = 50;  // a wider rig is probably in millimetres
   if (widest > widest_rig_m) {

@@ -744,6 +744,15 @@ TEST_F(Exchange, ARigInACamerasFrameIsNotDoubtful) {
   EXPECT_FALSE(and_back(in.rig, {.format = ExchangeFormat::opencv}).is_doubtful);
 }
 
+// On a ring around the world's z axis, inverted poses are all at one place.
+TEST_F(Exchange, InvertedPosesOfARingNameTheOption) {
+  const std::string ring = three_cameras("extrinsics", true, {0, 0, 0.3});
+  EXPECT_THAT([&] { import_text("ring.json", ring); },
+              testing::ThrowsMessage<files::ConfigError>(
+                  AllOf(HasSubstr("ring.json"), HasSubstr("are up to 4."), HasSubstr("give --inverted-poses"))));
+  EXPECT_EQ(import_text("ring.json", ring, {.inverts_poses = true}).rig.cameras.size(), 3u);
+}
+
 TEST_F(Exchange, PosesThatOnlyInvertedLookAtOnePlaceAreDoubtful) {
   const std::string wrong = three_cameras("extrinsics", true, {0.6, -0.5, 0.3}, 2.1);
   const Imported doubtful = import_text("a.json", wrong);
