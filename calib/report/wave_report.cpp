@@ -236,7 +236,7 @@ void doubt_times(WaveReport& report, const WaveResult& result) {
   }
 }
 
-// Waving does not mend the scale, whose part has its own limit.
+// Without the scale's part: waving does not mend the scale, and its error has its own limit.
 bool is_error_large(const WaveResult& result) {
   return result.expected_in_volume_m.value_or(result.expected_m) > large_error * result.camera_distance_m;
 }

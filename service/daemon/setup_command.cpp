@@ -234,9 +234,8 @@ void set_up_film(const SetUpCommand& command, const std::stop_token& stop) {
           rig));
   fmt::print(
       "written: {0}, for a film of {1}x{2}\n"
-      "next: teach its colour, by a pixel of it in a frame, and track it. Distances scale with radius_m in {0}, {4:g} "
-      "mm "
-      "until you set it; teaching works without it:\n"
+      "next: teach its colour, by a pixel of it in a frame, and track it. Distances scale with radius_m in {0}, "
+      "{4:g} mm until you set it; teaching works without it:\n"
       "  huetrackd teach {0} {3} --at cam0,FRAME,U,V     (or huetrackd replay {0} {3} --hold, and click on the page of "
       "huetrack view; huetrack control replay step N: a later frame)\n"
       "  huetrackd replay {0} {3} --tracks track.csv\n",

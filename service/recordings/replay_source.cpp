@@ -390,10 +390,10 @@ class Stream {
   void report_contradictions() {
     if (!stated_times_) return;
     for (std::string& problem : stated_times_->take_problems()) {
-      contradict(std::move(problem));
-      if (!on_contradicted_times_) continue;
-      warnings_.pop_back();
-      on_contradicted_times_(mistakes_.back());
+      if (on_contradicted_times_)
+        on_contradicted_times_(mistake(std::move(problem)));
+      else
+        contradict(std::move(problem));
     }
   }
 
@@ -598,10 +598,11 @@ class Stream {
   }
 
   // What the recording says, and the file contradicts.
-  void contradict(std::string text) {
-    mistakes_.push_back(camera_.frames.string() + ": " + std::move(text) + " (camera " + camera_.name + ")");
-    warnings_.push_back(mistakes_.back());
+  const std::string& mistake(std::string text) {
+    return mistakes_.emplace_back(camera_.frames.string() + ": " + std::move(text) + " (camera " + camera_.name + ")");
   }
+
+  void contradict(std::string text) { warnings_.push_back(mistake(std::move(text))); }
 
   void warn(const std::string& text) { warnings_.push_back(camera_.frames.string() + ": " + text); }
 
